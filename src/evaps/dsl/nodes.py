@@ -1,0 +1,71 @@
+"""The frozen syntax tree of a program. Nodes are equal, and hash equally, if they have the same structure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+
+@dataclass(frozen=True)
+class Action:
+    """A step of the robot, such as ``TURN_LEFT``."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Perception:
+    """A question to the robot's detectors, such as ``ISTHERE Demon``."""
+
+    name: str
+    thing: str | None
+
+    @property
+    def key(self) -> str:
+        """What a robot is asked: the words of the token form, joined by a space."""
+        return self.name if self.thing is None else f"{self.name} {self.thing}"
+
+
+@dataclass(frozen=True)
+class Not:
+    """The opposite of a condition."""
+
+    condition: Condition
+
+
+@dataclass(frozen=True)
+class If:
+    """Run the body if the condition holds."""
+
+    condition: Condition
+    body: Body
+
+
+@dataclass(frozen=True)
+class IfElse:
+    """Run the body if the condition holds, and ``orelse`` if it does not."""
+
+    condition: Condition
+    body: Body
+    orelse: Body
+
+
+@dataclass(frozen=True)
+class While:
+    """Run the body again and again as long as the condition holds before it."""
+
+    condition: Condition
+    body: Body
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """Run the body a fixed number of times."""
+
+    times: int
+    body: Body
+
+
+Condition: TypeAlias = Perception | Not
+Statement: TypeAlias = Action | If | IfElse | While | Repeat
+Body: TypeAlias = tuple[Statement, ...]

@@ -1,0 +1,103 @@
+"""The two roles of a method: a synthesizer proposes programs, a repairer mends them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor, nn
+
+from evaps.dsl import Program
+
+Features = Float[Tensor, "batch pair 2 feature"]
+"""For every pair of every task, the embeddings of the first observation and of the goal."""
+
+
+class Synthesizer(nn.Module, ABC):
+    """Proposes programs for tasks, token by token. Bring your own: two methods for decoding, one to learn."""
+
+    name: ClassVar[str]
+    Config: ClassVar[type]
+    config: Any
+
+    @abstractmethod
+    def start(self, features: Features) -> Any:
+        """The decoder's state before the first token."""
+
+    @abstractmethod
+    def step(
+        self, state: Any, tokens: Int[Tensor, " batch"] | None, rows: Int[Tensor, " batch"] | None
+    ) -> tuple[Float[Tensor, "batch vocab"], Any]:
+        """Logits of the next token, and the state for the next step.
+
+        Args:
+            state: of the previous step.
+            tokens: what was chosen last; None at the first step.
+            rows: which row of the previous step each hypothesis goes on from; None for the same.
+        """
+
+    @abstractmethod
+    def loss(
+        self, features: Features, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
+    ) -> Float[Tensor, ""]:
+        """Negative log-likelihood of programs under the grammar's mask, a mean over tokens."""
+
+
+@dataclass(frozen=True)
+class Execution:
+    """A program with what the robot saw when it ran it on every pair, as rows of a table of embeddings.
+
+    Attributes:
+        program: the candidate.
+        before: for each pair and segment, the row of O_pre; -1 where the segment was never executed.
+        after: the same for O_post.
+        first: for each pair, the row of the first observation.
+        final: for each pair, the row of the observation at which the program ended.
+        goal: for each pair, the row of the goal.
+    """
+
+    program: Program
+    before: np.ndarray[Any, Any]
+    after: np.ndarray[Any, Any]
+    first: np.ndarray[Any, Any]
+    final: np.ndarray[Any, Any]
+    goal: np.ndarray[Any, Any]
+
+
+class Repairer(nn.Module, ABC):
+    """Turns wrong programs and what happened when they ran into better ones."""
+
+    name: ClassVar[str]
+    Config: ClassVar[type]
+    config: Any
+
+    @abstractmethod
+    def repair(
+        self,
+        executions: Sequence[Execution],
+        table: Float[Tensor, "row feature"],
+        tried: Sequence[set[Program]],
+    ) -> list[Program | None]:
+        """For each execution the best program that is not among those tried; None if there is none."""
+
+    @abstractmethod
+    def loss(
+        self,
+        executions: Sequence[Execution],
+        targets: Sequence[Program],
+        table: Float[Tensor, "row feature"],
+    ) -> Float[Tensor, ""]:
+        """How far the predicted edits are from those that lead to the targets."""
+
+
+def pad(rows: Sequence[Sequence[int]], value: int = 0) -> Int[Tensor, "row longest"]:
+    """Integer rows of different lengths as one tensor."""
+    out = np.full((len(rows), max(map(len, rows))), value, np.int64)
+    for i, row in enumerate(rows):
+        out[i, : len(row)] = row
+    return torch.from_numpy(out)

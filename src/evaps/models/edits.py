@@ -1,0 +1,113 @@
+"""Edits of a program, token by token: what to learn, and how to decode them so that what comes out parses.
+
+Each token is replaced (by itself: kept) or deleted, and behind each token up to ``SLOTS`` tokens are inserted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaps.dsl import VOCAB, GrammarState, Program
+from evaps.dsl.alignment import align
+
+SLOTS = 8  # the paper inserts nothing or says nothing about it; a whole `IF c( ... c) i(` fits into 8
+DELETE = NOTHING = 0  # <pad> is no token of any program, so its id says: no token here
+MAX_TOKENS = 32
+_PRUNE = 8.0  # options that are e^8 times less likely than the best one are not looked at
+
+Scores = NDArray[np.float32]
+
+
+def edit_targets(before: Program, after: Program) -> tuple[list[int], list[list[int]]]:
+    """The edits that turn one program into another, by the shortest alignment.
+
+    Returns:
+        for each token its replacement (or DELETE), and for the gap behind each token what to insert there
+        (``SLOTS`` ids, NOTHING where there is nothing left to insert).
+    """
+    replace: list[int] = []
+    insert: list[list[int]] = []
+    for edit in align(before.tokens, after.tokens):
+        if edit.old is None:
+            assert edit.new is not None
+            insert[-1].append(VOCAB.ids[edit.new])  # a program's first token is always kept
+        else:
+            replace.append(DELETE if edit.new is None else VOCAB.ids[edit.new])
+            insert.append([])
+    return replace, [(row + [NOTHING] * SLOTS)[:SLOTS] for row in insert]
+
+
+@dataclass(frozen=True)
+class _Edited:
+    """The left part of an edited program."""
+
+    tokens: tuple[int, ...]
+    score: float
+    grammar: GrammarState
+
+    def extended(self, token: int, score: float) -> _Edited | None:
+        """With one more token; None if no program starts like that."""
+        if not self.grammar.allowed_within(MAX_TOKENS - len(self.tokens))[token]:
+            return None
+        return _Edited((*self.tokens, token), self.score + score, self.grammar.advance(token))
+
+    def scored(self, score: float) -> _Edited:
+        return _Edited(self.tokens, self.score + score, self.grammar)
+
+
+def decode_edits(replace: Scores, insert: Scores, beam: int) -> Iterator[Program]:
+    """Edited programs in the order of their probability; each of them parses.
+
+    Args:
+        replace: log-probabilities ``[token, vocab]``.
+        insert: log-probabilities ``[token, slot, vocab]``.
+        beam: how many left parts are kept after each token.
+    """
+    live = [_Edited((), 0.0, GrammarState.start())]
+    for token_scores, slot_scores in zip(replace, insert, strict=True):
+        options = _options(token_scores)
+        live = _best((new for old in live for new in _replaced(old, options)), beam)
+        live = _inserted(live, [_options(scores) for scores in slot_scores], beam)
+    for hypothesis in sorted(live, key=lambda h: -h.score):
+        if hypothesis.grammar.finished:
+            yield Program.from_tokens(VOCAB.decode(hypothesis.tokens))
+
+
+def _options(scores: Scores) -> list[tuple[int, float]]:
+    """The tokens worth looking at, with their scores."""
+    return [(int(i), float(scores[i])) for i in np.flatnonzero(scores > scores.max() - _PRUNE)]
+
+
+def _replaced(old: _Edited, options: Sequence[tuple[int, float]]) -> Iterator[_Edited]:
+    for token, score in options:
+        new = old.scored(score) if token == DELETE else old.extended(token, score)
+        if new is not None:
+            yield new
+
+
+def _inserted(live: list[_Edited], slots: list[list[tuple[int, float]]], beam: int) -> list[_Edited]:
+    """All that can stand in a gap: tokens in the first slots, then nothing."""
+    closed: list[_Edited] = []
+    for i, options in enumerate(slots):
+        rest = sum(dict(later).get(NOTHING, -_PRUNE) for later in slots[i:])
+        closed += [h.scored(rest) for h in live]
+        tokens = [(token, score) for token, score in options if token != NOTHING]
+        live = _best((new for old in live for new in _replaced(old, tokens)), beam)
+        if not live:
+            break
+    return _best(iter(closed + live), beam)
+
+
+def _best(hypotheses: Iterator[_Edited], beam: int) -> list[_Edited]:
+    """The most probable hypotheses; of equal left parts the better one."""
+    kept: dict[Any, _Edited] = {}
+    for h in sorted(hypotheses, key=lambda h: -h.score):
+        kept.setdefault(h.tokens, h)
+        if len(kept) == beam:
+            break
+    return list(kept.values())

@@ -1,0 +1,207 @@
+"""EVAPS: repairs a program with what the robot saw around each of its segments.
+
+Chen et al., "Enhancing Robot Program Synthesis Through Environmental Context", NeurIPS 2023. Two parts speak
+for every token: partial observation leveraging (Eq. 1-3), what the robot saw before and after the token's
+segment, for each pair; and code symbol alignment (Eq. 4-5), a graph network over the program's tokens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+from torch.nn import functional as F
+from torch_geometric.nn import GATv2Conv
+
+from evaps.dsl import TOKEN_TYPES, VOCAB, Program, token_type
+from evaps.models.base import Execution, Repairer, pad
+from evaps.models.edits import SLOTS, decode_edits, edit_targets
+from evaps.models.encoder import PairEmbedding
+
+_TYPES = torch.tensor([TOKEN_TYPES.index(token_type(token)) for token in VOCAB.tokens])
+
+
+@dataclass(frozen=True)
+class EvapsConfig:
+    """Sizes and readings; the paper gives no sizes."""
+
+    feature: int = 256
+    """Size of an observation's embedding."""
+    pair: int = 512
+    """Size of a pair's embedding."""
+    hidden: int = 256
+    """Size of a token's and of a segment's representation."""
+    graph_layers: int = 2
+    """Layers of GATv2 (Brody et al., 2022)."""
+    heads: int = 4
+    """Attention heads of GATv2."""
+    slope: float = 0.2
+    """Of GATv2's leaky ReLU."""
+    observations: bool = True
+    """Partial observation leveraging (O); off in the ablations Naive and EVAPS+S."""
+    graph: bool = True
+    """Code symbol alignment (S); off in the ablations Naive and EVAPS+O."""
+    goal: bool = True
+    """Whether the repairer sees the goal: how it differs from the first, the last and each segment's view."""
+    dropout: float = 0.2
+    """On token representations and on the decoder's output."""
+    beam: int = 8
+    """Left parts kept while edits are decoded."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Executions as tensors. ``segment`` counts through all programs of the batch."""
+
+    tokens: Int[Tensor, "batch time"]
+    edges: Int[Tensor, "2 edge"]  # over the tokens of all programs, padding included
+    segments: Int[Tensor, "batch time"]
+    owner: Int[Tensor, " segment"]
+    before: Int[Tensor, "segment pair"]
+    after: Int[Tensor, "segment pair"]
+    first: Int[Tensor, "batch pair"]
+    final: Int[Tensor, "batch pair"]
+    goal: Int[Tensor, "batch pair"]
+
+    @classmethod
+    def of(cls, executions: Sequence[Execution], device: torch.device) -> Batch:
+        """Join executions; programs are padded to the longest."""
+        programs = [e.program for e in executions]
+        tokens = pad([VOCAB.encode(p.tokens) for p in programs])
+        counts = [len(p.segments) for p in programs]
+        starts = np.cumsum([0, *counts[:-1]])
+        segments = pad([np.add(p.token_segments, s) for p, s in zip(programs, starts, strict=True)])
+        offsets = np.arange(len(programs)) * tokens.shape[1]
+        edges = np.concatenate([np.add(p.edges, o) for p, o in zip(programs, offsets, strict=True)])
+        both = torch.from_numpy(np.concatenate([edges, edges[:, ::-1]]).T.copy())
+        owner = torch.from_numpy(np.repeat(np.arange(len(programs)), counts))
+        seen = [np.concatenate([getattr(e, k).T for e in executions]) for k in ("before", "after")]
+        ends = [np.stack([getattr(e, k) for e in executions]) for k in ("first", "final", "goal")]
+        arrays = [torch.from_numpy(a.astype(np.int64)).to(device) for a in (*seen, *ends)]
+        return cls(tokens.to(device), both.to(device), segments.to(device), owner.to(device), *arrays)
+
+
+class Evaps(Repairer):
+    """Per token a representation ``x_s = [h'_s | O'_s]`` (Eq. 6), a decoder over the tokens, late max-pool over pairs.
+
+    The decoder is a bidirectional LSTM over the token representations of one pair (this project's choice).
+    """
+
+    name: ClassVar[str] = "evaps"
+    Config: ClassVar[type] = EvapsConfig
+
+    def __init__(self, config: EvapsConfig = EvapsConfig()) -> None:  # noqa: B008 (frozen)
+        super().__init__()
+        self.config = config
+        size = config.hidden
+        self.pair = PairEmbedding(config.feature, config.pair)
+        self.token = nn.Embedding(len(VOCAB), size, padding_idx=0)
+        self.type = nn.Embedding(len(TOKEN_TYPES), size, padding_idx=0)
+        layer = (size, size // config.heads, config.heads)
+        graph_layers = config.graph_layers if config.graph else 0
+        self.graph = nn.ModuleList(GATv2Conv(*layer, negative_slope=config.slope) for _ in range(graph_layers))
+        views = (1 + config.goal) * config.pair
+        self.segment = nn.Linear(views, size) if config.observations else None
+        self.never = nn.Parameter(torch.zeros(size))  # stands for what a segment that never ran saw
+        ends = (1 + config.observations) * config.pair
+        self.ends = nn.Linear(ends, size) if config.goal else None
+        self.mix = nn.Linear((1 + config.observations + config.goal) * size, size)
+        self.lstm = nn.LSTM(size, size, bidirectional=True, batch_first=True)
+        self.dropout = nn.Dropout(config.dropout)
+        self.replace = nn.Linear(2 * size, len(VOCAB))
+        self.insert = nn.Linear(2 * size, SLOTS * len(VOCAB))
+
+    def forward(
+        self, batch: Batch, table: Float[Tensor, "row feature"]
+    ) -> tuple[Float[Tensor, "batch time vocab"], Float[Tensor, "batch time slot vocab"]]:
+        """Logits of each token's replacement, and of what is inserted in the gap behind it."""
+        x = self.represent(batch, table)
+        programs, pairs, time, _ = x.shape
+        lengths = (batch.tokens > 0).sum(1).repeat_interleave(pairs).cpu()
+        x = F.relu(self.mix(self.dropout(x))).flatten(0, 1)
+        packed = nn.utils.rnn.pack_padded_sequence(x, lengths, batch_first=True, enforce_sorted=False)
+        outputs, _ = self.lstm(packed)
+        padded, _ = nn.utils.rnn.pad_packed_sequence(outputs, batch_first=True, total_length=time)
+        pooled = self.dropout(padded.unflatten(0, (programs, pairs)).amax(1))
+        return self.replace(pooled), self.insert(pooled).unflatten(-1, (SLOTS, -1))
+
+    def represent(
+        self, batch: Batch, table: Float[Tensor, "row feature"]
+    ) -> Float[Tensor, "batch pair time part"]:
+        """``x_s``: for each pair and token, the graph's, the segment's and the goal's part, side by side."""
+        programs, time = batch.tokens.shape
+        pairs = batch.goal.shape[1]
+        parts = [self._symbols(batch)[:, None].expand(-1, pairs, -1, -1)]
+        if self.segment is not None:
+            parts.append(self._observations(batch, table)[batch.segments].transpose(1, 2))
+        if self.ends is not None:
+            parts.append(self._goals(batch, table)[:, :, None].expand(-1, -1, time, -1))
+        return torch.cat(parts, -1)
+
+    def _symbols(self, batch: Batch) -> Float[Tensor, "batch time hidden"]:
+        """``h'_s``: the tokens' embeddings, passed along the edges of the program's graph (Eq. 4-5)."""
+        h = self.token(batch.tokens) + self.type(_TYPES.to(batch.tokens.device)[batch.tokens])
+        flat = h.flatten(0, 1)
+        for layer in self.graph:
+            flat = flat + F.elu(layer(flat, batch.edges))
+        return flat.unflatten(0, h.shape[:2])
+
+    def _observations(self, batch: Batch, table: Tensor) -> Float[Tensor, "segment pair hidden"]:
+        """``O'_s``: what the robot saw before and after each segment (Eq. 1-3), and how that differs from the goal."""
+        assert self.segment is not None
+        before, after = table[batch.before.clamp(min=0)], table[batch.after.clamp(min=0)]
+        views = [self.pair(before, after)]
+        if self.config.goal:
+            views.append(self.pair(after, table[batch.goal][batch.owner]))
+        seen = F.relu(self.segment(F.relu(torch.cat(views, -1))))
+        return torch.where((batch.before < 0)[..., None], self.never.to(seen.dtype), seen)
+
+    def _goals(self, batch: Batch, table: Tensor) -> Float[Tensor, "batch pair hidden"]:
+        """What was to be done from the first view, and what is left to do at the end of the run."""
+        assert self.ends is not None
+        goal = table[batch.goal]
+        views = [self.pair(table[batch.first], goal)]
+        if self.config.observations:
+            views.append(self.pair(table[batch.final], goal))
+        return F.relu(self.ends(F.relu(torch.cat(views, -1))))
+
+    def loss(
+        self,
+        executions: Sequence[Execution],
+        targets: Sequence[Program],
+        table: Float[Tensor, "row feature"],
+    ) -> Float[Tensor, ""]:
+        """Cross-entropy of the Levenshtein edits, a mean over the tokens of each program, then over programs."""
+        batch = Batch.of(executions, table.device)
+        replace, insert = self(batch, table)
+        wanted = [edit_targets(e.program, target) for e, target in zip(executions, targets, strict=True)]
+        real = batch.tokens > 0
+        share = (real / real.sum(1, keepdim=True))[real] / len(executions)
+        tokens = torch.tensor([t for row, _ in wanted for t in row], device=table.device)
+        slots = torch.tensor([s for _, rows in wanted for s in rows], device=table.device)
+        replaced = F.cross_entropy(replace[real].float(), tokens, reduction="none")
+        inserted = F.cross_entropy(insert[real].float().transpose(1, 2), slots, reduction="none").sum(1)
+        return ((replaced + inserted) * share).sum()
+
+    @torch.inference_mode()
+    def repair(
+        self,
+        executions: Sequence[Execution],
+        table: Float[Tensor, "row feature"],
+        tried: Sequence[set[Program]],
+    ) -> list[Program | None]:
+        """See :meth:`Repairer.repair`."""
+        replace, insert = self(Batch.of(executions, table.device), table)
+        replace = replace.float().log_softmax(-1).cpu().numpy()
+        insert = insert.float().log_softmax(-1).cpu().numpy()
+        repaired: list[Program | None] = []
+        for row, execution in enumerate(executions):
+            length = len(execution.program.tokens)
+            programs = decode_edits(replace[row, :length], insert[row, :length], self.config.beam)
+            repaired.append(next((p for p in programs if p not in tried[row]), None))
+        return repaired

@@ -1,0 +1,111 @@
+"""LGRL: an LSTM decoder per pair, pooled over pairs, that obeys the grammar.
+
+Bunel et al., "Leveraging Grammar and Reinforcement Learning for Neural Program Synthesis", ICLR 2018. The
+grammar's mask comes from the parser itself instead of a learned syntax model. This file holds the model and
+its maximum-likelihood loss.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from evaps.dsl import VOCAB
+from evaps.models.base import Features, Synthesizer
+from evaps.models.encoder import PairEmbedding
+
+
+@dataclass(frozen=True)
+class LGRLConfig:
+    """Sizes as in Bunel et al.: an LSTM of two layers of 256, pairs of 512."""
+
+    feature: int = 256
+    """Size of an observation's embedding."""
+    pair: int = 512
+    """Size of a pair's embedding."""
+    embedding: int = 256
+    """Size of a token's embedding."""
+    hidden: int = 256
+    """Size of the LSTM's state."""
+    layers: int = 2
+    """Layers of the LSTM."""
+    dropout: float = 0.2
+    """On the LSTM's input and output, against overfitting on few tasks (this project's choice)."""
+
+
+@dataclass(frozen=True)
+class LGRLState:
+    """The decoder between two steps: each pair's embedding and LSTM state."""
+
+    pair: Float[Tensor, "batch pair size"]
+    hidden: tuple[Float[Tensor, "layer batch_pair hidden"], Float[Tensor, "layer batch_pair hidden"]] | None
+
+
+class LGRL(Synthesizer):
+    """One LSTM per pair with shared weights; the top hidden states are max-pooled before the vocabulary."""
+
+    name: ClassVar[str] = "lgrl"
+    Config: ClassVar[type] = LGRLConfig
+
+    def __init__(self, config: LGRLConfig = LGRLConfig()) -> None:  # noqa: B008 (frozen)
+        super().__init__()
+        self.config = config
+        self.pair = PairEmbedding(config.feature, config.pair)
+        self.embedding = nn.Embedding(len(VOCAB), config.embedding)  # <pad> stands for the start
+        self.lstm = nn.LSTM(config.embedding + config.pair, config.hidden, config.layers, batch_first=True)
+        self.dropout = nn.Dropout(config.dropout)
+        self.output = nn.Linear(config.hidden, len(VOCAB))
+
+    def start(self, features: Features) -> LGRLState:
+        """Embed the pairs."""
+        return LGRLState(self.pair(features[:, :, 0], features[:, :, 1]), None)
+
+    def step(
+        self, state: LGRLState, tokens: Int[Tensor, " batch"] | None, rows: Int[Tensor, " batch"] | None
+    ) -> tuple[Float[Tensor, "batch vocab"], LGRLState]:
+        """One token further; see :meth:`Synthesizer.step`."""
+        if rows is not None:
+            state = _select(state, rows)
+        batch, pairs, _ = state.pair.shape
+        if tokens is None:
+            tokens = torch.zeros(batch, dtype=torch.long, device=state.pair.device)
+        logits, hidden = self._decode(state.pair, tokens[:, None], state.hidden)
+        return logits[:, 0], LGRLState(state.pair, hidden)
+
+    def loss(
+        self, features: Features, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
+    ) -> Float[Tensor, ""]:
+        """See :meth:`Synthesizer.loss`."""
+        before = F.pad(tokens[:, :-1], (1, 0))
+        logits, _ = self._decode(self.start(features).pair, before, None)
+        logits = logits.float().masked_fill(~masks, -torch.inf)
+        logits = torch.where((tokens == 0)[..., None], 0.0, logits)  # padding: no mask, no loss
+        return F.cross_entropy(logits.flatten(0, 1), tokens.flatten(), ignore_index=0)
+
+    def _decode(
+        self,
+        pair: Float[Tensor, "batch pair size"],
+        tokens: Int[Tensor, "batch time"],
+        hidden: tuple[Tensor, Tensor] | None,
+    ) -> tuple[Float[Tensor, "batch time vocab"], tuple[Tensor, Tensor]]:
+        batch, pairs, _ = pair.shape
+        time = tokens.shape[1]
+        embedded = self.embedding(tokens)[:, None].expand(-1, pairs, -1, -1)
+        inputs = torch.cat([embedded, pair[:, :, None].expand(-1, -1, time, -1)], -1)
+        outputs, hidden = self.lstm(self.dropout(inputs.flatten(0, 1)), hidden)
+        pooled = outputs.unflatten(0, (batch, pairs)).amax(1)
+        return self.output(self.dropout(pooled)), hidden
+
+
+def _select(state: LGRLState, rows: Int[Tensor, " batch"]) -> LGRLState:
+    pairs = state.pair.shape[1]
+    hidden = state.hidden
+    if hidden is not None:
+        flat = (rows[:, None] * pairs + torch.arange(pairs, device=rows.device)).flatten()
+        hidden = (hidden[0][:, flat], hidden[1][:, flat])
+    return LGRLState(state.pair[rows], hidden)

@@ -1,0 +1,83 @@
+"""Work for robots in several processes, each with an engine of its own on a core of its own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from functools import cache
+from typing import Any, TypeVar
+
+from evaps.robots.base import EngineError
+from evaps.robots.doom import DoomRobot
+from evaps.robots.memo import MemoRobot
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def robot_map(
+    function: Callable[[MemoRobot, Item], Result],
+    items: Iterable[Item],
+    workers: int,
+    perceptions: tuple[str, ...],
+) -> Iterator[tuple[Item, Result]]:
+    """Call ``function(robot, item)`` for every item, on ``workers`` processes; results come as they are done.
+
+    A function must depend on nothing but its item, so that neither the order nor the number of workers
+    matters. An engine that dies is replaced and its item done once more.
+
+    Args:
+        function: a module-level function.
+        items: drawn as workers become free, so that there may be endlessly many.
+        workers: how many processes; 0 does the work in this one.
+        perceptions: what programs may ask the robot.
+    """
+    if workers == 0:
+        yield from ((item, _call(function, item, perceptions)) for item in items)
+        return
+    context = multiprocessing.get_context("spawn")  # torch and forks do not go together
+    started = context.Value("i", 0)
+    pool = ProcessPoolExecutor(workers, context, _start_worker, (started,))
+    pending: dict[Future[Any], Item] = {}
+    source = iter(items)
+    try:
+        while True:
+            while len(pending) < 2 * workers and (item := next(source, None)) is not None:
+                pending[pool.submit(_call, function, item, perceptions)] = item
+            if not pending:
+                return
+            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                yield pending.pop(future), future.result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _start_worker(started: Any) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    with started.get_lock():
+        number = started.value
+        started.value += 1
+    if hasattr(os, "sched_getaffinity"):
+        cores = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {cores[number % len(cores)]})
+
+
+@cache
+def _robot(perceptions: tuple[str, ...]) -> MemoRobot:
+    return MemoRobot(DoomRobot(), perceptions)
+
+
+def _call(function: Callable[[MemoRobot, Item], Result], item: Item, perceptions: tuple[str, ...]) -> Result:
+    robot = _robot(perceptions)
+    robot.forget()
+    try:
+        return function(robot, item)
+    except EngineError:
+        robot.close()
+        robot.forget()
+        return function(robot, item)
+    finally:
+        robot.forget()

@@ -1,0 +1,116 @@
+"""Embeddings of what a robot saw: each observation is embedded once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import islice
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from evaps.models.base import Execution
+from evaps.models.compute import autocast
+from evaps.models.encoder import Encoder
+from evaps.robots.base import Observation
+from evaps.synthesis.solution import Attempt
+from evaps.tasks.dataset import Dataset
+from evaps.tasks.frames import unpack_frame
+from evaps.tasks.progress import track
+from evaps.tasks.task import Task
+
+BATCH = 128
+
+
+def stack_frames(observations: Sequence[Observation]) -> UInt8[Tensor, "batch height width 4"]:
+    """RGB and depth of observations as one tensor of bytes."""
+    first = observations[0].depth
+    out = np.empty((len(observations), *first.shape, 4), np.uint8)
+    for row, observation in zip(out, observations, strict=True):
+        row[..., :3] = observation.rgb
+        row[..., 3] = observation.depth
+    return torch.from_numpy(out)
+
+
+@torch.inference_mode()
+def embed(encoder: Encoder, observations: Sequence[Observation]) -> Float[Tensor, "batch feature"]:
+    """The embeddings of observations, in float32."""
+    device = encoder.linear.weight.device
+    parts = []
+    for start in range(0, len(observations), BATCH):
+        frames = stack_frames(observations[start : start + BATCH])
+        with autocast():
+            parts.append(encoder(frames.to(device)).float())
+    return torch.cat(parts)
+
+
+def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> np.ndarray[Any, np.dtype[np.float16]]:
+    """The embeddings of every example's first and last observation, float16 ``[task, pair, 2, feature]``.
+
+    They are computed once and kept beside the data set.
+
+    Args:
+        dataset: whose observations.
+        encoder: in evaluation mode.
+        key: tells this encoder from others.
+    """
+    path = dataset.folder / f"features-{key}.npy"
+    if not path.exists():
+        out = np.empty((len(dataset), 6, 2, encoder.config.feature), np.float16)
+        frames = dataset.frames(range(len(dataset)))
+        for tasks in track(iter(lambda: list(islice(frames, 10)), []), len(dataset), "features of tasks", 0, 10):
+            observations = [unpack_frame(f) for _, first, last in tasks for f in (*first, *last)]
+            embedded = embed(encoder, observations).cpu().numpy()
+            out[[position for position, _, _ in tasks]] = embedded.reshape(-1, 2, 6, out.shape[-1]).swapaxes(1, 2)
+        part = path.with_suffix(".part.npy")
+        np.save(part, out)
+        part.replace(path)
+    return np.load(path)
+
+
+class FeatureTable:
+    """A growing table of embeddings; an observation that was embedded before is looked up.
+
+    Args:
+        encoder: in evaluation mode.
+
+    Attributes:
+        table: float32 ``[row, feature]``, complete after :meth:`rows`.
+    """
+
+    def __init__(self, encoder: Encoder) -> None:
+        self.encoder = encoder
+        self.table = torch.empty(0, encoder.config.feature, device=encoder.linear.weight.device)
+        self._rows: dict[int, int] = {}
+        self._held: list[Observation] = []  # so that no other object gets the same id
+
+    def rows(self, observations: Iterable[Observation]) -> list[int]:
+        """The rows of these observations; new ones are embedded together."""
+        observations = list(observations)
+        new = list({id(o): o for o in observations if id(o) not in self._rows}.values())
+        if new:
+            for observation in new:
+                self._rows[id(observation)] = len(self._rows)
+            self._held += new
+            self.table = torch.cat([self.table, embed(self.encoder, new)])
+        return [self._rows[id(o)] for o in observations]
+
+    def executions(self, attempts: Sequence[Attempt], task: Task) -> list[Execution]:
+        """What a repairer is told of these attempts."""
+        goals = [example.goal for example in task.examples]
+        self.rows([*goals, *(o for a in attempts for t in a.traces for o in t.observations)])  # all at once
+        return [self._execution(attempt, goals) for attempt in attempts]
+
+    def _execution(self, attempt: Attempt, goals: Sequence[Observation]) -> Execution:
+        shape = (len(attempt.traces), len(attempt.program.segments))
+        before, after = np.full(shape, -1), np.full(shape, -1)
+        for pair, trace in enumerate(attempt.traces):
+            rows = self.rows(trace.observations)
+            for segment, (entered, left) in trace.segment_times.items():
+                before[pair, segment], after[pair, segment] = rows[entered], rows[left]
+        first = self.rows(trace.observations[0] for trace in attempt.traces)
+        final = self.rows(trace.observations[-1] for trace in attempt.traces)
+        ends = (np.array(first), np.array(final), np.array(self.rows(goals)))
+        return Execution(attempt.program, before, after, *ends)

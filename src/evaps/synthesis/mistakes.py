@@ -1,0 +1,178 @@
+"""What a repairer learns from: wrong programs on training tasks, and what the robot saw when it ran them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import torch
+
+from evaps.dsl import Program
+from evaps.dsl.mutation import mutate
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.models import load_encoder
+from evaps.models.base import Execution
+from evaps.models.encoder import Encoder
+from evaps.robots.memo import MemoRobot
+from evaps.robots.workers import robot_map
+from evaps.synthesis.features import FeatureTable
+from evaps.synthesis.solution import attempt
+from evaps.tasks.dataset import Dataset, gold_task, write_table
+from evaps.tasks.progress import track
+from evaps.tasks.task import GoldTask
+
+TASKS = 50  # in a part
+MUTATIONS = (1, 2, 3)  # how many at once, and their weights 1 : 2 : 3 (Gupta et al., 2020)
+
+_ROWS = pa.list_(pa.list_(pa.int32()))
+SCHEMA = pa.schema(
+    {
+        "program": pa.string(),
+        "target": pa.string(),
+        "stage": pa.int8(),
+        "before": _ROWS,
+        "after": _ROWS,
+        "ends": _ROWS,
+    }
+)
+
+
+@dataclass(frozen=True)
+class MistakePart:
+    """Some training tasks and the wrong programs to run on them.
+
+    Attributes:
+        path: the Parquet file to write; the embeddings lie beside it as ``.npy``.
+        encoder: folder of the encoder's checkpoint.
+        rows: the tasks, as in :attr:`Dataset.rows`.
+        goals: their goal frames, packed.
+        failures: for each task, programs of the synthesizer (stage 2); those that turn out right are left out.
+        mutations: how many mutations of each gold program are run (stage 1).
+        seed: of the mutations.
+    """
+
+    path: Path
+    encoder: Path
+    rows: Sequence[dict[str, Any]]
+    goals: Sequence[list[bytes]]
+    failures: Sequence[Sequence[str]]
+    mutations: int
+    seed: int
+
+
+def make_mistakes(robot: MemoRobot, part: MistakePart) -> None:
+    """Run the wrong programs of a part and write what was seen."""
+    torch.set_num_threads(1)  # every worker has one core
+    table = FeatureTable(_encoder(part.encoder))
+    rng = np.random.default_rng([part.seed, 2, *(row["index"] for row in part.rows[:1])])
+    rows: list[dict[str, Any]] = []
+    for row, goals, failures in zip(part.rows, part.goals, part.failures, strict=True):
+        robot.forget()
+        rows += _mistakes(gold_task(row, goals), failures, part.mutations, robot, table, rng)
+    part.path.parent.mkdir(parents=True, exist_ok=True)
+    np.save(part.path.with_suffix(".npy"), table.table.half().numpy())
+    write_table(part.path, rows, SCHEMA)
+
+
+@cache
+def _encoder(folder: Path) -> Encoder:
+    return load_encoder(folder)
+
+
+def _mistakes(
+    gold: GoldTask,
+    failures: Sequence[str],
+    mutations: int,
+    robot: MemoRobot,
+    table: FeatureTable,
+    rng: np.random.Generator,
+) -> list[dict[str, Any]]:
+    times = rng.choice(MUTATIONS, size=mutations, p=np.array(MUTATIONS) / sum(MUTATIONS))
+    programs = {mutate(gold.program, rng, int(n)): 1 for n in times}
+    programs |= {Program.parse(text): 2 for text in failures}
+    attempts = [attempt(program, gold.task, robot) for program in programs]
+    wrong = [a for a in attempts if not a.solved]
+    return [
+        {
+            "program": str(e.program),
+            "target": str(gold.program),
+            "stage": programs[e.program],
+            "before": e.before.tolist(),
+            "after": e.after.tolist(),
+            "ends": [e.first.tolist(), e.final.tolist(), e.goal.tolist()],
+        }
+        for e in table.executions(wrong, gold.task)
+    ]
+
+
+def generate_mistakes(
+    folder: Path,
+    dataset: Dataset,
+    encoder: Path,
+    positions: Sequence[int],
+    failures: dict[int, list[str]],
+    mutations: int,
+    seed: int,
+    workers: int,
+) -> list[Path]:
+    """Run wrong programs on tasks of a data set, or go on where it was interrupted; the files that hold them."""
+    parts = []
+    for number, start in enumerate(range(0, len(positions), TASKS)):
+        chosen = positions[start : start + TASKS]
+        path = folder / f"mistakes-{number:05d}.parquet"
+        goals = {} if path.exists() else {p: last for p, _, last in dataset.frames(chosen)}
+        rows = [dataset.rows[p] for p in chosen]
+        wrong = [failures.get(p, []) for p in chosen]
+        parts.append(MistakePart(path, encoder, rows, [goals.get(p, []) for p in chosen], wrong, mutations, seed))
+    missing = [part for part in parts if not part.path.exists()]
+    done = (len(parts) - len(missing)) * TASKS
+    results = robot_map(make_mistakes, missing, workers, PERCEPTION_KEYS)
+    for _ in track(results, len(parts) * TASKS, "tasks with mistakes", done, TASKS):
+        pass
+    return [part.path for part in parts]
+
+
+@dataclass(frozen=True)
+class Mistakes:
+    """Wrong programs in memory.
+
+    Attributes:
+        executions: rows count through :attr:`table`.
+        targets: the right program of each.
+        stages: 1 for a mutation, 2 for a failure of the synthesizer.
+        table: embeddings, float16 ``[row, feature]``.
+    """
+
+    executions: list[Execution]
+    targets: list[Program]
+    stages: list[int]
+    table: np.ndarray[Any, np.dtype[np.float16]]
+
+    @classmethod
+    def read(cls, paths: Sequence[Path]) -> Mistakes:
+        """Read the files that :func:`generate_mistakes` wrote."""
+        executions: list[Execution] = []
+        targets: list[Program] = []
+        stages: list[int] = []
+        tables: list[np.ndarray[Any, np.dtype[np.float16]]] = []
+        offset = 0
+        for path in paths:
+            for row in pq.read_table(path).to_pylist():
+                executions.append(_execution(row, offset))
+                targets.append(Program.parse(row["target"]))
+                stages.append(row["stage"])
+            tables.append(np.load(path.with_suffix(".npy")))
+            offset += len(tables[-1])
+        return cls(executions, targets, stages, np.concatenate(tables))
+
+
+def _execution(row: dict[str, Any], offset: int) -> Execution:
+    before, after = (np.array(row[key]) for key in ("before", "after"))
+    shifted = [np.where(rows < 0, -1, rows + offset) for rows in (before, after)]
+    return Execution(Program.parse(row["program"]), *shifted, *(np.array(row["ends"]) + offset))

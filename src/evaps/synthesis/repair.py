@@ -1,0 +1,92 @@
+"""The paper's loop: run each candidate, repair it with what the robot saw, and run it again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import torch
+
+from evaps.dsl import Program
+from evaps.models import Model
+from evaps.models.base import Repairer
+from evaps.models.compute import autocast
+from evaps.robots.memo import MemoRobot
+from evaps.synthesis.beam import Proposal, beam_search
+from evaps.synthesis.features import FeatureTable
+from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt, best_first
+from evaps.tasks.task import Task
+
+ROUNDS = 5
+BEAM = 64
+
+
+def propose(model: Model, table: FeatureTable, task: Task, robot: MemoRobot, beam: int = BEAM) -> list[Proposal]:
+    """The synthesizer's programs for a task, most probable first."""
+    firsts = []
+    for example in task.examples:
+        robot.reset(example.scene)
+        firsts.append(robot.observe())
+    first, goal = table.rows(firsts), table.rows(example.goal for example in task.examples)
+    features = torch.stack([table.table[first], table.table[goal]], 1)[None]
+    with autocast():
+        return beam_search(model.synthesizer, features, beam)[0]
+
+
+def repair_all(
+    repairer: Repairer,
+    chains: Sequence[list[Attempt]],
+    task: Task,
+    table: FeatureTable,
+    robot: MemoRobot,
+    rounds: int = ROUNDS,
+) -> None:
+    """Repair each candidate on its own until it passes all pairs, nothing new comes, or the rounds are over.
+
+    Args:
+        repairer: in evaluation mode.
+        chains: for each candidate its attempts so far; repairs are appended.
+        task: the specification.
+        table: embeddings of observations.
+        robot: where repairs are run.
+        rounds: how often a candidate is repaired at most.
+    """
+    open_chains = [chain for chain in chains if not chain[-1].solved]
+    for _ in range(rounds):
+        if not open_chains:
+            return
+        executions = table.executions([chain[-1] for chain in open_chains], task)
+        tried: list[set[Program]] = [{a.program for a in chain} for chain in open_chains]
+        with autocast():
+            repaired = repairer.repair(executions, table.table, tried)
+        going_on = []
+        for chain, program in zip(open_chains, repaired, strict=True):
+            if program is not None:
+                chain.append(attempt(program, task, robot))
+                if not chain[-1].solved:
+                    going_on.append(chain)
+        open_chains = going_on
+
+
+def synthesize_with(
+    model: Model, task: Task, robot: MemoRobot, top_k: int = 20, rounds: int = ROUNDS, beam: int = BEAM
+) -> Solution:
+    """Propose, run, and, if the model has a repairer, repair: one candidate for each of the first ``top_k``.
+
+    The order of :attr:`Solution.candidates` is best first; :attr:`Candidate.rank` keeps the synthesizer's.
+    """
+    start, simulated = time.perf_counter(), robot.simulated_actions
+    table = FeatureTable(model.encoder)
+    proposals = propose(model, table, task, robot, max(beam, top_k))[:top_k]
+    chains = [[attempt(p.program, task, robot)] for p in proposals]
+    if model.repairer is not None:
+        repair_all(model.repairer, chains, task, table, robot, rounds)
+    candidates = [Candidate(tuple(c), rank, _origin(model, c)) for rank, c in enumerate(chains)]
+    seconds = time.perf_counter() - start
+    return Solution(task.name, best_first(candidates), robot.simulated_actions - simulated, seconds)
+
+
+def _origin(model: Model, chain: Sequence[Attempt]) -> str:
+    if len(chain) == 1 or model.repairer is None:
+        return model.synthesizer.name
+    return f"{model.synthesizer.name} + {model.repairer.name} x{len(chain) - 1}"

@@ -1,0 +1,120 @@
+"""What synthesis gives back: candidates, how each was repaired, and what happened when they ran."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from evaps.dsl import Program, Trace, run
+from evaps.robots.base import Observation, Robot, frame_match
+from evaps.tasks.task import Task
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A program that was run on the specification scenes.
+
+    Attributes:
+        program: what was run.
+        traces: what happened, a trace for each example.
+        passed: for each example, whether the run halted and its last observation equals the goal (frame match).
+    """
+
+    program: Program
+    traces: tuple[Trace[Observation], ...]
+    passed: tuple[bool, ...]
+
+    @property
+    def pairs_passed(self) -> int:
+        """How many of the examples it passes."""
+        return sum(self.passed)
+
+    @property
+    def solved(self) -> bool:
+        """Whether it passes them all."""
+        return all(self.passed)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A synthesizer's proposal and its repairs.
+
+    Attributes:
+        attempts: first the proposal, then one attempt for each round of repair.
+        rank: the proposal's place in the synthesizer's order, from 0.
+        origin: who made it: the synthesizer's name, with ``+ repairer`` if it was repaired.
+    """
+
+    attempts: tuple[Attempt, ...]
+    rank: int
+    origin: str
+
+    @property
+    def final(self) -> Attempt:
+        """The last attempt: the candidate as it is handed out."""
+        return self.attempts[-1]
+
+    @property
+    def program(self) -> Program:
+        """The program of the last attempt."""
+        return self.final.program
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The answer to a task.
+
+    Attributes:
+        task: the task's name.
+        candidates: best first: by pairs passed, then in the synthesizer's order.
+        simulated_actions: how many actions the robot executed to find it.
+        seconds: how long it took.
+    """
+
+    task: str
+    candidates: tuple[Candidate, ...]
+    simulated_actions: int
+    seconds: float
+
+    @property
+    def program(self) -> Program:
+        """The best candidate's program."""
+        return self.candidates[0].program
+
+    @property
+    def solved(self) -> bool:
+        """Whether the best candidate passes all examples."""
+        return self.candidates[0].final.solved
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that ``evaps synthesize --json`` prints."""
+        candidates = [
+            {"program": str(c.program), "pairs_passed": c.final.pairs_passed, "origin": c.origin}
+            for c in self.candidates
+        ]
+        return {
+            "task": self.task,
+            "candidates": candidates,
+            "solved": self.solved,
+            "simulated_actions": self.simulated_actions,
+            "seconds": round(self.seconds, 3),
+        }
+
+
+def attempt(program: Program, task: Task, robot: Robot) -> Attempt:
+    """Run a program on the task's scenes and compare where it ends with the goals."""
+    traces = []
+    for example in task.examples:
+        robot.reset(example.scene)
+        traces.append(run(program, robot))
+    goals = [example.goal for example in task.examples]
+    passed = tuple(t.halted and frame_match(t.observations[-1], g) for t, g in zip(traces, goals, strict=True))
+    return Attempt(program, tuple(traces), passed)
+
+
+def best_first(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """By pairs passed, then in the synthesizer's order; equal programs once."""
+    seen: set[Program] = set()
+    ordered = sorted(candidates, key=lambda c: (-c.final.pairs_passed, c.rank))
+    return tuple(c for c in ordered if c.program not in seen and not seen.add(c.program))  # type: ignore[func-returns-value]

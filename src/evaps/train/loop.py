@@ -1,0 +1,131 @@
+"""The training loop: seeded, resumable at any moment, with its metrics in a file."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from evaps.models.compute import autocast
+from evaps.tasks.progress import track
+
+LossAt = Callable[[int], tuple[Tensor, dict[str, float]]]
+
+
+@dataclass(frozen=True)
+class FitConfig:
+    """How a model is fitted."""
+
+    steps: int
+    """Batches in all."""
+    rate: float
+    """The highest learning rate of Adam."""
+    seed: int = 0
+    """Of the batches and of dropout."""
+    warmup: int = 100
+    """Batches over which the rate rises; then it falls along a cosine to a fiftieth."""
+    clip: float = 1.0
+    """The largest norm of the gradient."""
+    log_every: int = 50
+    """Batches between two rows of metrics."""
+    save_every: float = 60.0
+    """Seconds between two saves."""
+
+
+def rate_at(step: int, config: FitConfig) -> float:
+    """The learning rate of a step."""
+    rise = min(1.0, (step + 1) / config.warmup)
+    fall = 0.5 * (1 + math.cos(math.pi * step / config.steps))
+    return config.rate * rise * (0.02 + 0.98 * fall)
+
+
+def fit(
+    model: nn.Module,
+    loss_at: LossAt,
+    config: FitConfig,
+    folder: Path,
+    validate: Callable[[], dict[str, float]],
+    validate_every: int,
+) -> dict[str, float]:
+    """Minimise ``loss_at(step)``; stopped at any moment, the same call goes on with the same result.
+
+    Args:
+        model: its parameters are trained in place.
+        loss_at: the loss of a step's batch, which must depend on nothing but the step, and metrics to log.
+        config: how.
+        folder: gets ``state.pt`` (to go on from) and ``metrics.jsonl``.
+        validate: metrics on held-out data.
+        validate_every: steps between two validations; there is one more at the end.
+
+    Returns:
+        the last validation's metrics.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    optimizer = torch.optim.Adam(model.parameters(), lr=config.rate)
+    start, metrics = _resume(folder, model, optimizer)
+    saved = time.monotonic()
+    for step in track(range(start, config.steps), config.steps, folder.name, start):
+        metrics_now = _step(model, optimizer, loss_at, config, step)
+        last = step + 1 == config.steps
+        if (step + 1) % validate_every == 0 or last:
+            metrics = _validated(model, validate)
+            metrics_now |= metrics
+        if step % config.log_every == 0 or last or len(metrics_now) > 4:
+            _log(folder, {"step": step, **metrics_now})
+        if time.monotonic() - saved > config.save_every or last:
+            _save(folder, model, optimizer, step + 1, metrics)
+            saved = time.monotonic()
+    model.eval()
+    return metrics
+
+
+def _step(
+    model: nn.Module, optimizer: torch.optim.Adam, loss_at: LossAt, config: FitConfig, step: int
+) -> dict[str, float]:
+    model.train()
+    torch.manual_seed(config.seed * 1_000_003 + step)  # so that dropout is the same after a restart
+    for group in optimizer.param_groups:
+        group["lr"] = rate_at(step, config)
+    with autocast():
+        loss, metrics = loss_at(step)
+    optimizer.zero_grad()
+    loss.backward()
+    norm = nn.utils.clip_grad_norm_(model.parameters(), config.clip)
+    optimizer.step()
+    return {"loss": loss.item(), "norm": norm.item(), **metrics}
+
+
+def _validated(model: nn.Module, validate: Callable[[], dict[str, float]]) -> dict[str, float]:
+    model.eval()
+    with torch.inference_mode(), autocast():
+        return {f"validation_{key}": value for key, value in validate().items()}
+
+
+def _log(folder: Path, row: dict[str, Any]) -> None:
+    with (folder / "metrics.jsonl").open("a") as file:
+        file.write(json.dumps({key: round(value, 5) for key, value in row.items()}) + "\n")
+
+
+def _save(
+    folder: Path, model: nn.Module, optimizer: torch.optim.Adam, step: int, metrics: dict[str, float]
+) -> None:
+    part = folder / ".state.part"
+    state = {"model": model.state_dict(), "optimizer": optimizer.state_dict(), "step": step, "metrics": metrics}
+    torch.save(state, part)
+    part.replace(folder / "state.pt")
+
+
+def _resume(folder: Path, model: nn.Module, optimizer: torch.optim.Adam) -> tuple[int, dict[str, float]]:
+    if not (folder / "state.pt").exists():
+        return 0, {}
+    state = torch.load(folder / "state.pt", weights_only=True)
+    model.load_state_dict(state["model"])
+    optimizer.load_state_dict(state["optimizer"])
+    return int(state["step"]), state["metrics"]

@@ -1,0 +1,278 @@
+"""What each method learns from, and the checkpoint that comes out."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors.torch import load_file
+from torch import Tensor
+
+from evaps.dsl import VOCAB, GrammarState, Program, UserError
+from evaps.models import load_encoder, load_method, new_method
+from evaps.models.base import Repairer, Synthesizer, pad
+from evaps.models.checkpoint import save_checkpoint
+from evaps.models.compute import autocast, device
+from evaps.models.encoder import EncoderConfig, TransitionModel
+from evaps.robots.base import Scene
+from evaps.synthesis.beam import MAX_TOKENS, beam_search
+from evaps.synthesis.features import dataset_features
+from evaps.synthesis.mistakes import Mistakes, generate_mistakes
+from evaps.tasks.dataset import Dataset
+from evaps.tasks.progress import track
+from evaps.tasks.walks import Walks, generate_walks
+from evaps.train import encoder as stage0
+from evaps.train.batches import batch_at
+from evaps.train.loop import FitConfig, fit
+from evaps.train.scale import SCALES, Scale
+
+VALIDATION_TASKS = 512
+
+
+def train(method: str, data: Path, out: Path, scale: str = "small", seed: int = 0, workers: int = 2) -> Path:
+    """Train a method, or go on with it; needs what comes before it: encoder, synthesizer, repairer.
+
+    Args:
+        method: ``"encoder"`` or a name in METHODS.
+        data: folder of a data set.
+        out: folder of the checkpoints; each method gets a folder in it.
+        scale: a name in SCALES.
+        seed: of everything random in the training.
+        workers: processes that simulate.
+
+    Returns:
+        the checkpoint's folder.
+
+    Raises:
+        UserError: an unknown method or scale, no data set, or a missing checkpoint.
+    """
+    if scale not in SCALES:
+        raise UserError(f"there is no scale {scale!r}; known are {', '.join(SCALES)}")
+    run = _Run(Dataset(data), out, SCALES[scale], scale, seed, workers)
+    if method == "encoder":
+        return run.train_encoder()
+    model = new_method(method).to(device())
+    if isinstance(model, Synthesizer):
+        return run.train_synthesizer(model)
+    return run.train_repairer(model)
+
+
+class _Run:
+    def __init__(
+        self, dataset: Dataset, out: Path, scale: Scale, scale_name: str, seed: int, workers: int
+    ) -> None:
+        self.dataset, self.out, self.scale, self.seed, self.workers = dataset, out, scale, seed, workers
+        self.scale_name = scale_name
+        self.start = time.monotonic()
+
+    def train_encoder(self) -> Path:
+        rows = [self.dataset.rows[p] for p in self.dataset.split("train")[: self.scale.task_walks]]
+        starts = [_start(row, row["index"] % 5) for row in rows]
+        folder = self.dataset.folder / "walks"
+        paths = generate_walks(folder, self.scale.walks, self.seed, self.workers, starts)
+        torch.manual_seed(self.seed)
+        model = TransitionModel(EncoderConfig()).to(device())
+        batches = stage0.WalkBatches(Walks.read(paths), self.scale.encoder_batch, self.seed)
+        config = FitConfig(self.scale.encoder_steps, rate=1e-3, seed=self.seed)
+        loss_at = stage0.encoder_loss(model, batches)
+        metrics = fit(model, loss_at, config, self.out / "encoder", stage0.validate(model, batches), 500)
+        self._save(model.encoder, "encoder", config, metrics)
+        model.pair.config = model.config  # type: ignore[assignment]
+        self._save(model.pair, "pair", config, metrics)
+        return self.out / "encoder"
+
+    def train_synthesizer(self, model: Synthesizer) -> Path:
+        torch.manual_seed(self.seed)
+        model = new_method(model.name).to(device())  # type: ignore[assignment]
+        self._start_from_pairs(model)
+        batch = self.scale.lgrl_batch
+        config = FitConfig(self.scale.lgrl_steps, rate=1e-3, seed=self.seed)
+        train, held = self.dataset.split("train"), self.dataset.split("validation")[:VALIDATION_TASKS]
+        rows_at = batch_at([len(self._programs[p]) for p in train], batch, self.seed)
+        masks = {p: grammar_masks(self._programs[p]) for p in [*train, *held]}
+
+        def loss_of(positions: Sequence[int], pairs: np.ndarray[Any, Any]) -> Tensor:
+            tokens = pad([self._programs[p] for p in positions])
+            allowed = np.zeros((*tokens.shape, len(VOCAB)), bool)
+            for row, p in zip(allowed, positions, strict=True):
+                row[: len(masks[p])] = masks[p]
+            chosen = self._features[np.asarray(positions)[:, None], pairs].astype(np.float32)
+            where = device()
+            return model.loss(
+                torch.from_numpy(chosen).to(where), tokens.to(where), torch.from_numpy(allowed).to(where)
+            )
+
+        def loss_at(step: int) -> tuple[Tensor, dict[str, float]]:
+            positions = [train[i] for i in rows_at(step)]
+            rng = np.random.default_rng([self.seed, 3, step])
+            held_out = rng.permuted(np.tile(np.arange(6), (len(positions), 1)), axis=1)[:, :5]  # the pair left out rotates
+            return loss_of(positions, held_out), {}
+
+        def validate() -> dict[str, float]:
+            first_five = np.tile(np.arange(5), (batch, 1))
+            parts = [held[i : i + batch] for i in range(0, len(held), batch)]
+            losses = [loss_of(p, first_five[: len(p)]).item() for p in parts]
+            return {"loss": float(np.mean(losses)), "exact": self._exact(model, held[:256])}
+
+        metrics = fit(model, loss_at, config, self.out / model.name, validate, 250)
+        return self._save(model, model.name, config, metrics)
+
+    def train_repairer(self, model: Repairer) -> Path:
+        torch.manual_seed(self.seed)
+        model = new_method(model.name).to(device())  # type: ignore[assignment]
+        self._start_from_pairs(model)
+        train, held = (self._mistakes(s) for s in ("train", "validation"))
+        first, second = self.scale.evaps_steps
+        config = FitConfig(first + second, rate=1e-3, seed=self.seed)
+        stages = [np.flatnonzero([s >= stage for s in train.stages]) for stage in (0, 2)]
+        lengths = [[len(train.targets[i].tokens) for i in stage] for stage in stages]
+        orders = [batch_at(sizes, self.scale.evaps_batch, self.seed) for sizes in lengths]
+        table, held_table = (torch.from_numpy(m.table).to(device()) for m in (train, held))
+
+        def loss_at(step: int) -> tuple[Tensor, dict[str, float]]:
+            stage = int(step >= first)
+            chosen = stages[stage][orders[stage](step)]
+            return mistake_loss(model, train, chosen, table), {}
+
+        def validate() -> dict[str, float]:
+            return {"loss": _mean_loss(model, held, held_table), "exact": _exact_repairs(model, held, held_table)}
+
+        metrics = fit(model, loss_at, config, self.out / model.name, validate, 500)
+        return self._save(model, model.name, config, metrics)
+
+    @cached_property
+    def _programs(self) -> list[list[int]]:
+        return [VOCAB.encode(row["program"].split()) for row in self.dataset.rows]
+
+    @cached_property
+    def _features(self) -> np.ndarray[Any, np.dtype[np.float16]]:
+        """Of every example's first and last observation, ``[task, pair, 2, feature]``."""
+        return dataset_features(self.dataset, load_encoder(self.out / "encoder").to(device()), self._encoder_hash)
+
+    @cached_property
+    def _encoder_hash(self) -> str:
+        weights = (self.out / "encoder" / "model.safetensors").read_bytes()
+        return hashlib.sha256(weights).hexdigest()[:12]
+
+    def _start_from_pairs(self, model: torch.nn.Module) -> None:
+        """The embedding of pairs starts from stage 0's, which has seen far more of them than there are tasks."""
+        path = self.out / "pair" / "model.safetensors"
+        model.pair.load_state_dict({key: value.float() for key, value in load_file(path).items()})  # type: ignore[operator, union-attr]
+
+    def _beam(self, model: Synthesizer, positions: Sequence[int], beam: int) -> list[list[Program]]:
+        """The synthesizer's programs for tasks of the data set, from their five specification examples."""
+        found = []
+        parts = [positions[i : i + 16] for i in range(0, len(positions), 16)]
+        for part in track(parts, len(positions), "proposals", 0, 16):
+            features = torch.from_numpy(self._features[np.asarray(part), :5].astype(np.float32))
+            with autocast():
+                proposals = beam_search(model, features.to(device()), beam)
+            found += [[p.program for p in group] for group in proposals]
+        return found
+
+    def _exact(self, model: Synthesizer, positions: Sequence[int]) -> float:
+        best = self._beam(model, positions, 4)
+        golds = [self._programs[p] for p in positions]
+        right = [VOCAB.encode(b[0].tokens) == gold for b, gold in zip(best, golds, strict=True) if b]
+        return sum(right) / len(positions)
+
+    def _mistakes(self, split: str) -> Mistakes:
+        """Mutations and the synthesizer's failures on tasks of a split, run and embedded once."""
+        tasks = self.scale.mistake_tasks if split == "train" else max(10, self.scale.mistake_tasks // 40)
+        positions = self.dataset.split(split)[:tasks]
+        synthesizer = load_method(self.out / "lgrl", "lgrl").to(device())
+        assert isinstance(synthesizer, Synthesizer)
+        folder = self.dataset.folder / f"mistakes-{split}-{self._encoder_hash}"
+        failures: dict[int, list[str]] = {}
+        if len(list(folder.glob("*.parquet"))) < -(-len(positions) // 50):
+            beams = self._beam(synthesizer, positions, max(8, self.scale.failures))
+            failures = {p: self._wrong(p, b) for p, b in zip(positions, beams, strict=True)}
+        encoder, mutations = self.out / "encoder", self.scale.mutations
+        paths = generate_mistakes(
+            folder, self.dataset, encoder, positions, failures, mutations, self.seed, self.workers
+        )
+        return Mistakes.read(paths)
+
+    def _wrong(self, position: int, programs: Sequence[Program]) -> list[str]:
+        gold = self.dataset.rows[position]["program"]
+        return [str(p) for p in programs if str(p) != gold][: self.scale.failures]
+
+    def _save(self, model: torch.nn.Module, name: str, config: FitConfig, metrics: dict[str, float]) -> Path:
+        facts = {
+            "scale": self.scale_name,
+            "seed": self.seed,
+            "dataset": self.dataset.identity,
+            "fit": asdict(config),
+            "metrics": {key: round(value, 5) for key, value in metrics.items()},
+            "commit": git_commit(),
+            "evaps": version("evaps"),
+            "torch": torch.__version__,
+            "cores": os.cpu_count(),
+            "minutes_of_last_run": round((time.monotonic() - self.start) / 60, 1),
+        }
+        save_checkpoint(self.out / name, model, name, facts)
+        return self.out / name
+
+
+def _start(row: dict[str, Any], example: int) -> tuple[Scene, tuple[str, ...]]:
+    return Scene.from_json(row["scenes"][example]), tuple(row["actions"][example].split())
+
+
+def grammar_masks(tokens: Sequence[int]) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """For every token of a program, what the grammar allowed there, ``[token, vocab]``."""
+    state = GrammarState.start()
+    masks = []
+    for i, token in enumerate(tokens):
+        masks.append(state.allowed_within(MAX_TOKENS - i))
+        state = state.advance(token)
+    return np.stack(masks)
+
+
+def mistake_loss(model: Repairer, mistakes: Mistakes, rows: Sequence[int], table: Tensor) -> Tensor:
+    """The repairer's loss on the chosen mistakes; only the embeddings that they use are taken along."""
+    executions = [mistakes.executions[i] for i in rows]
+    used = np.unique(np.concatenate([[0], *(np.concatenate([e.before.ravel(), e.after.ravel(), e.first, e.final, e.goal]) for e in executions)]))
+    used = used[used >= 0]
+    small = [
+        replace(e, **{key: _renumbered(getattr(e, key), used) for key in ("before", "after", "first", "final", "goal")})
+        for e in executions
+    ]
+    targets = [mistakes.targets[i] for i in rows]
+    return model.loss(small, targets, table[torch.from_numpy(used).to(table.device)].float())
+
+
+def _renumbered(rows: np.ndarray[Any, Any], used: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    return np.where(rows < 0, -1, np.searchsorted(used, rows))
+
+
+def _mean_loss(model: Repairer, mistakes: Mistakes, table: Tensor) -> float:
+    parts = [range(i, min(i + 64, len(mistakes.targets))) for i in range(0, len(mistakes.targets), 64)]
+    return float(np.mean([mistake_loss(model, mistakes, list(part), table).item() for part in parts]))
+
+
+def _exact_repairs(model: Repairer, mistakes: Mistakes, table: Tensor) -> float:
+    """The share of the synthesizer's failures that one repair turns into the right program."""
+    rows = [i for i, stage in enumerate(mistakes.stages) if stage == 2][:256]
+    executions = [mistakes.executions[i] for i in rows]
+    repaired = model.repair(executions, table.float(), [{e.program} for e in executions])
+    return float(np.mean([r == mistakes.targets[i] for i, r in zip(rows, repaired, strict=True)]))
+
+
+def git_commit() -> str:
+    """The commit of the code that runs, if it runs from a checkout."""
+    try:
+        out = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, cwd=Path(__file__).parent)
+    except OSError:
+        return "unknown"
+    return out.stdout.strip() or "unknown"
+
