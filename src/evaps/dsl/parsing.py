@@ -8,6 +8,7 @@ from lark.exceptions import LarkError, UnexpectedCharacters
 from lark.indenter import DedentError
 from lark.lexer import Token
 
+from evaps.dsl.errors import UserError
 from evaps.dsl.nodes import Body
 from evaps.dsl.syntax import PYTHON_FORM, TOKEN_FORM, Form
 
@@ -23,7 +24,7 @@ _KINDS = {
 _LAYOUT = {"_NL": "the end of the line", "_INDENT": "an indentation", "_DEDENT": "the end of the block"}
 
 
-class ProgramError(ValueError):
+class ProgramError(UserError):
     """A text is not a program. The message is one line.
 
     Args:

@@ -101,7 +101,7 @@ class Evaps(Repairer):
         size = config.hidden
         self.pair = PairEmbedding(config.feature, config.pair)
         self.token = nn.Embedding(len(VOCAB), size, padding_idx=0)
-        self.type = nn.Embedding(len(TOKEN_TYPES), size, padding_idx=0)
+        self.token_type = nn.Embedding(len(TOKEN_TYPES), size, padding_idx=0)
         layer = (size, size // config.heads, config.heads)
         graph_layers = config.graph_layers if config.graph else 0
         self.graph = nn.ModuleList(GATv2Conv(*layer, negative_slope=config.slope) for _ in range(graph_layers))
@@ -145,7 +145,7 @@ class Evaps(Repairer):
 
     def _symbols(self, batch: Batch) -> Float[Tensor, "batch time hidden"]:
         """``h'_s``: the tokens' embeddings, passed along the edges of the program's graph (Eq. 4-5)."""
-        h = self.token(batch.tokens) + self.type(_TYPES.to(batch.tokens.device)[batch.tokens])
+        h = self.token(batch.tokens) + self.token_type(_TYPES.to(batch.tokens.device)[batch.tokens])
         flat = h.flatten(0, 1)
         for layer in self.graph:
             flat = flat + F.elu(layer(flat, batch.edges))

@@ -12,13 +12,15 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from evaps.dsl import UserError
+
 Image = npt.NDArray[np.uint8]
 
 POSITION_TOLERANCE = 2.0  # map units
 HEADING_TOLERANCE = 0.5  # degrees
 
 
-class SceneError(ValueError):
+class SceneError(UserError):
     """A scene that no robot can be put into; the message says why, in one line."""
 
 

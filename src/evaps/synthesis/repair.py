@@ -18,7 +18,7 @@ from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt, best
 from evaps.tasks.task import Task
 
 ROUNDS = 5
-BEAM = 64
+BEAM = 32  # Bunel et al. decode with 64; on two cores half of it must do
 
 
 def propose(model: Model, table: FeatureTable, task: Task, robot: MemoRobot, beam: int = BEAM) -> list[Proposal]:
@@ -83,7 +83,8 @@ def synthesize_with(
         repair_all(model.repairer, chains, task, table, robot, rounds)
     candidates = [Candidate(tuple(c), rank, _origin(model, c)) for rank, c in enumerate(chains)]
     seconds = time.perf_counter() - start
-    return Solution(task.name, best_first(candidates), robot.simulated_actions - simulated, seconds)
+    actions = robot.simulated_actions - simulated
+    return Solution(task.name, best_first(candidates), actions, seconds, tuple(candidates))
 
 
 def _origin(model: Model, chain: Sequence[Attempt]) -> str:

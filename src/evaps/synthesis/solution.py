@@ -67,15 +67,17 @@ class Solution:
 
     Attributes:
         task: the task's name.
-        candidates: best first: by pairs passed, then in the synthesizer's order.
+        candidates: best first: by pairs passed, then in the synthesizer's order; each program once.
         simulated_actions: how many actions the robot executed to find it.
         seconds: how long it took.
+        all_candidates: one for each proposal, in the synthesizer's order, equal programs included.
     """
 
     task: str
     candidates: tuple[Candidate, ...]
     simulated_actions: int
     seconds: float
+    all_candidates: tuple[Candidate, ...] = ()
 
     @property
     def program(self) -> Program:

@@ -15,11 +15,12 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from evaps.dsl import Program
+from evaps.dsl import Program, UserError
 from evaps.dsl.sampler import PERCEPTION_KEYS, SamplerConfig
 from evaps.robots.base import Scene, WorldState
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import robot_map
+from evaps.tasks.files import read_json
 from evaps.tasks.frames import pack_frame, unpack_frame
 from evaps.tasks.generate import Draft, generate_task
 from evaps.tasks.progress import track
@@ -30,7 +31,7 @@ PART = 100  # indices in a part
 SPLITS = (("train", 0.7), ("validation", 0.9), ("test", 1.0))  # name, upper end of the hash
 
 
-class DatasetError(ValueError):
+class DatasetError(UserError):
     """A folder that is no data set, or not the one that was asked for; one line."""
 
 
@@ -71,9 +72,7 @@ TASK_SCHEMA = pa.schema(
         "actions": pa.list_(pa.string()),
     }
 )
-FRAME_SCHEMA = pa.schema(
-    {"index": pa.int64(), "first": pa.list_(pa.binary()), "last": pa.list_(pa.binary())}
-)
+FRAME_SCHEMA = pa.schema({"index": pa.int64(), "first": pa.list_(pa.binary()), "last": pa.list_(pa.binary())})
 
 
 def _rows(index: int, draft: Draft) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -150,13 +149,22 @@ def _write_identity(folder: Path, tasks: int, seed: int) -> None:
     identity = {"format": FORMAT, "robot": "doom", "seed": seed, "tasks": tasks, **made_by}
     path = folder / "dataset.json"
     if path.exists():
-        found = json.loads(path.read_text())
+        found = _read_identity(path)
         for key in ("format", "robot", "seed"):
-            if found[key] != identity[key]:
-                raise DatasetError(f"{folder} has {key} {found[key]}, not {identity[key]}; use another folder")
+            if found.get(key) != identity[key]:
+                raise DatasetError(
+                    f"{folder} has {key} {found.get(key)}, not {identity[key]}; use another folder"
+                )
     elif folder.exists() and any(folder.iterdir()):
         raise DatasetError(f"{folder} is not empty and no data set; choose another folder")
     write_atomically(path, (json.dumps(identity, indent=1) + "\n").encode())
+
+
+def _read_identity(path: Path) -> dict[str, Any]:
+    found = read_json(path, DatasetError)
+    if not isinstance(found, dict):
+        raise DatasetError(f"{path}: expected an object with the seed and the size of a data set")
+    return found
 
 
 def _part_rows(folder: Path, number: int) -> Iterator[dict[str, Any]]:
@@ -195,7 +203,7 @@ class Dataset:
         self.folder = Path(folder)
         if not (self.folder / "tasks.parquet").exists():
             raise DatasetError(f"{folder} holds no complete data set; make one with: evaps generate {folder}")
-        self.identity: dict[str, Any] = json.loads((self.folder / "dataset.json").read_text())
+        self.identity = _read_identity(self.folder / "dataset.json")
         self.rows: list[dict[str, Any]] = pq.read_table(self.folder / "tasks.parquet").to_pylist()
 
     def __len__(self) -> int:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+import shutil
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,14 +13,16 @@ from typing import Any
 import numpy as np
 from PIL import Image as Picture
 
-from evaps.dsl import Program
+from evaps.dsl import Program, UserError
 from evaps.robots.base import Image, Observation, RgbFrame, Scene, SceneError, WorldState
+from evaps.robots.scenes import validate
+from evaps.tasks.files import read_json
 
 EXAMPLES = 5
 FORMAT = 1
 
 
-class TaskError(ValueError):
+class TaskError(UserError):
     """A task folder that cannot be read; the message says what is wrong, in one line."""
 
 
@@ -82,22 +85,35 @@ def save_task(task: Task, folder: Path) -> None:
         raise TaskError(f"{folder} exists already; choose another folder or remove it")
     part = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     part.mkdir(parents=True)
+    try:
+        _write_examples(task, part)
+        part.rename(folder)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        raise
+
+
+def _write_examples(task: Task, folder: Path) -> None:
     entries = []
     for i, example in enumerate(task.examples):
         entries.append({"scene": example.scene.to_json(), "goal_rgb": f"goal{i}.png"})
         entries[-1]["goal_depth"] = f"goal{i}_depth.png"
-        Picture.fromarray(example.goal.rgb).save(part / f"goal{i}.png", optimize=True)
-        Picture.fromarray(example.goal.depth).save(part / f"goal{i}_depth.png", optimize=True)
-    (part / "task.json").write_text(json.dumps({"format": FORMAT, "examples": entries}, indent=1) + "\n")
-    part.rename(folder)
+        Picture.fromarray(example.goal.rgb).save(folder / f"goal{i}.png", optimize=True)
+        Picture.fromarray(example.goal.depth).save(folder / f"goal{i}_depth.png", optimize=True)
+    (folder / "task.json").write_text(json.dumps({"format": FORMAT, "examples": entries}, indent=1) + "\n")
 
 
-def load_task(folder: str | os.PathLike[str], size: tuple[int, int] = (120, 160)) -> Task:
+def load_task(
+    folder: str | os.PathLike[str],
+    size: tuple[int, int] = (120, 160),
+    check_scene: Callable[[Scene], None] = validate,
+) -> Task:
     """Read a task folder.
 
     Args:
         folder: where ``task.json`` and its images are.
         size: height and width that the images must have.
+        check_scene: raises a `SceneError` for a scene that the robot cannot be put into; here the Doom robot's.
 
     Raises:
         TaskError: something is missing, unknown or of the wrong form; the message says where.
@@ -109,18 +125,15 @@ def load_task(folder: str | os.PathLike[str], size: tuple[int, int] = (120, 160)
     examples = value["examples"]
     found = len(examples) if isinstance(examples, list) else "no list"
     _check(found == EXAMPLES, path, f"examples must be a list of {EXAMPLES}, found {found}")
-    return Task(path.resolve().name, tuple(_example(path, i, e, size) for i, e in enumerate(examples)))
+    return Task(
+        path.resolve().name, tuple(_example(path, i, e, size, check_scene) for i, e in enumerate(examples))
+    )
 
 
 def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise TaskError(f"{path} is missing; a task folder holds task.json and its images") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise TaskError(f"{path} cannot be read: {error}") from None
-    except json.JSONDecodeError as error:
-        raise TaskError(f"{path} is not JSON: line {error.lineno}, column {error.colno}: {error.msg}") from None
+    if path.parent.is_dir() and not path.exists():
+        raise TaskError(f"{path} is missing; a task folder holds task.json and its images")
+    value = read_json(path, TaskError)
     if not isinstance(value, dict):
         raise TaskError(f"{path}: expected an object with the keys 'format' and 'examples'")
     return value
@@ -132,7 +145,9 @@ def _check(ok: bool, path: Path, message: str, value: dict[str, Any] | None = No
         raise TaskError(f"{path / 'task.json'}: {message}{found}")
 
 
-def _example(path: Path, index: int, value: Any, size: tuple[int, int]) -> Example:
+def _example(
+    path: Path, index: int, value: Any, size: tuple[int, int], check_scene: Callable[[Scene], None]
+) -> Example:
     keys = {"scene", "goal_rgb", "goal_depth"}
     where = f"examples[{index}]"
     is_object = isinstance(value, dict)
@@ -143,6 +158,7 @@ def _example(path: Path, index: int, value: Any, size: tuple[int, int]) -> Examp
         _check(False, path, f"{where}: unknown key {key!r}; known are {', '.join(sorted(keys))}")
     try:
         scene = Scene.from_json(value["scene"])
+        check_scene(scene)
     except SceneError as error:
         raise TaskError(f"{path / 'task.json'}: {where}.scene: {error}") from None
     rgb = _image(path, value["goal_rgb"], f"{where}.goal_rgb", (*size, 3))
@@ -152,7 +168,9 @@ def _example(path: Path, index: int, value: Any, size: tuple[int, int]) -> Examp
 def _image(folder: Path, name: Any, where: str, shape: Sequence[int]) -> Image:
     _check(isinstance(name, str), folder, f"{where}: expected a file name, found {name!r}")
     path = folder / name
-    _check(path.resolve().parent == folder.resolve(), folder, f"{where}: {name!r} must lie in the task folder")
+    _check(
+        path.resolve().parent == folder.resolve(), folder, f"{where}: {name!r} must lie in the task folder"
+    )
     try:
         with Picture.open(path) as picture:
             pixels = np.array(picture)
@@ -162,6 +180,10 @@ def _image(folder: Path, name: Any, where: str, shape: Sequence[int]) -> Image:
         raise TaskError(f"{path} is not an image that can be read: {error}") from None
     if pixels.dtype != np.uint8 or pixels.shape != tuple(shape):
         kind = "colour" if len(shape) == 3 else "greyscale"
-        found = "x".join(map(str, reversed(pixels.shape[:2]))) + (f"x{pixels.shape[2]}" if pixels.ndim == 3 else "")
-        raise TaskError(f"{path} must be an 8-bit {kind} image of {shape[1]}x{shape[0]} pixels, found {found}")
+        found = "x".join(map(str, reversed(pixels.shape[:2]))) + (
+            f"x{pixels.shape[2]}" if pixels.ndim == 3 else ""
+        )
+        raise TaskError(
+            f"{path} must be an 8-bit {kind} image of {shape[1]}x{shape[0]} pixels, found {found}"
+        )
     return pixels

@@ -1,0 +1,236 @@
+"""How good candidates are: exact, semantic and generalization match, for each task and rank."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import torch
+
+from evaps.dsl import Program, UserError, run
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.models import METHODS, Model, load_model
+from evaps.robots.base import frame_match, state_match
+from evaps.robots.memo import MemoRobot
+from evaps.robots.workers import robot_map
+from evaps.synthesis.repair import synthesize_with
+from evaps.synthesis.solution import Solution
+from evaps.tasks.dataset import Dataset, gold_task, write_table
+from evaps.tasks.progress import track
+from evaps.tasks.task import EXAMPLES, GoldTask
+
+PART = 25  # tasks in a part
+
+SCHEMA = pa.schema(
+    {
+        "method": pa.string(),
+        "seed": pa.int32(),
+        "scale": pa.string(),
+        "task": pa.int64(),
+        "steps": pa.int32(),
+        "rank": pa.int32(),
+        "program": pa.string(),
+        "exact": pa.bool_(),
+        "semantic_state": pa.bool_(),
+        "generalization_state": pa.bool_(),
+        "semantic_frame": pa.bool_(),
+        "generalization_frame": pa.bool_(),
+        "pairs_passed": pa.int32(),
+        "rounds": pa.int32(),
+        "simulated_actions": pa.int64(),
+        "seconds": pa.float32(),
+    }
+)
+
+
+@dataclass(frozen=True)
+class Match:
+    """How a program's outcomes compare with the gold program's, over all six examples."""
+
+    exact: bool
+    semantic_state: bool
+    generalization_state: bool
+    semantic_frame: bool
+    generalization_frame: bool
+
+
+def match(program: Program, gold: GoldTask, robot: MemoRobot) -> Match:
+    """Run a program on all six scenes and compare it with the gold program's outcomes."""
+    states, frames = [], []
+    for outcome in gold.outcomes:
+        robot.reset(outcome.scene)
+        halted = run(program, robot).halted
+        states.append(halted and state_match(robot.state(), outcome.state))
+        frames.append(halted and frame_match(robot.observe(), outcome.goal))
+    spec = slice(EXAMPLES)
+    return Match(program == gold.program, all(states[spec]), all(states), all(frames[spec]), all(frames))
+
+
+@dataclass(frozen=True)
+class EvaluationPart:
+    """Some tasks and the models to try on them."""
+
+    path: Path
+    model: str
+    methods: tuple[str, ...]
+    rows: Sequence[dict[str, Any]]
+    goals: Sequence[list[bytes]]
+    top_k: int
+    rounds: int
+    seed: int
+    scale: str
+
+
+def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> None:
+    """Synthesize, judge and write the rows of a part."""
+    torch.set_num_threads(1)  # every worker has one core
+    rows: list[dict[str, Any]] = []
+    for row, goals in zip(part.rows, part.goals, strict=True):
+        gold = gold_task(row, goals)
+        for method in part.methods:
+            robot.forget()
+            solution = synthesize_with(_model(part.model, method), gold.task, robot, part.top_k, part.rounds)
+            rows += _rows(solution, gold, robot, {"method": method, "seed": part.seed, "scale": part.scale})
+    write_table(part.path, rows, SCHEMA)
+
+
+@cache
+def _model(folder: str, method: str) -> Model:
+    """The model whose row this is: a synthesizer alone, or LGRL's candidates and a repairer."""
+    if method == "evaps":
+        return load_model(folder, repairer=method)
+    return load_model(folder, synthesizer=method, repairer=None)
+
+
+def _rows(
+    solution: Solution, gold: GoldTask, robot: MemoRobot, facts: dict[str, Any]
+) -> list[dict[str, Any]]:
+    return [
+        {
+            **facts,
+            "task": int(gold.name.removeprefix("task-")),
+            "steps": gold.steps,
+            "rank": candidate.rank,
+            "program": str(candidate.program),
+            **vars(match(candidate.program, gold, robot)),
+            "pairs_passed": candidate.final.pairs_passed,
+            "rounds": len(candidate.attempts) - 1,
+            "simulated_actions": solution.simulated_actions,
+            "seconds": solution.seconds,
+        }
+        for candidate in sorted(solution.all_candidates, key=lambda c: c.rank)
+    ]
+
+
+def evaluate(
+    data: Path,
+    out: Path,
+    model: str = "small",
+    methods: Sequence[str] = ("lgrl", "evaps"),
+    split: str = "test",
+    tasks: int = 1000,
+    top_k: int = 20,
+    rounds: int = 5,
+    seed: int = 0,
+    workers: int = 2,
+) -> Path:
+    """Judge methods on the first tasks of a split, or go on where it was interrupted.
+
+    Args:
+        data: folder of a data set.
+        out: the file of rows to write, one for each method, task and rank.
+        model: a shipped set of checkpoints, or a folder of them.
+        methods: names in METHODS; a repairer works on LGRL's candidates.
+        split: of the data set.
+        tasks: how many.
+        top_k: candidates of a task.
+        rounds: of repair.
+        seed: that the models were trained with, for the rows.
+        workers: processes.
+
+    Raises:
+        UserError: unknown method or split.
+        CheckpointError: the model cannot be loaded.
+    """
+    for method in methods:
+        if method not in METHODS:
+            raise UserError(f"there is no method {method!r}; known are {', '.join(METHODS)}")
+        _model(model, method)
+    dataset = Dataset(data)
+    positions = dataset.split(split)[:tasks]
+    if not positions:
+        raise UserError(f"the data set has no split {split!r}; there are train, validation and test")
+    parts = []
+    folder = out.with_suffix(".parts")
+    for number, start in enumerate(range(0, len(positions), PART)):
+        chosen = positions[start : start + PART]
+        path = folder / f"part-{number:05d}.parquet"
+        goals = {} if path.exists() else {p: last for p, _, last in dataset.frames(chosen)}
+        task_rows = [dataset.rows[p] for p in chosen]
+        packed = [goals.get(p, []) for p in chosen]
+        parts.append(
+            EvaluationPart(path, model, tuple(methods), task_rows, packed, top_k, rounds, seed, "small")
+        )
+    missing = [part for part in parts if not part.path.exists()]
+    results = robot_map(evaluate_part, missing, workers, PERCEPTION_KEYS)
+    for _ in track(results, len(positions), "tasks judged", (len(parts) - len(missing)) * PART, PART):
+        pass
+    table = pa.concat_tables([pq.read_table(part.path) for part in parts])
+    write_table(out, table.to_pylist(), SCHEMA)
+    for part in parts:
+        part.path.unlink()
+    folder.rmdir()
+    return out
+
+
+METRICS = ("exact", "semantic_state", "generalization_state")
+TOP = (1, 5, 20)
+
+
+def top_k_matches(rows: Path, method: str, metric: str, k: int) -> dict[int, bool]:
+    """For each task, whether any of the method's first ``k`` candidates matches."""
+    table = pq.read_table(rows, filters=[("method", "=", method), ("rank", "<", k)])
+    found: dict[int, bool] = {}
+    for task, ok in zip(table["task"].to_pylist(), table[metric].to_pylist(), strict=True):
+        found[task] = found.get(task, False) or ok
+    return found
+
+
+def summarize(rows: Path) -> list[dict[str, Any]]:
+    """The three metrics at top-1, 5 and 20 (in %), seconds and simulated actions a task, for each method."""
+    table = pq.read_table(rows)
+    summary = []
+    for method in dict.fromkeys(table["method"].to_pylist()):
+        line: dict[str, Any] = {"method": method}
+        for metric in METRICS:
+            for k in TOP:
+                line[f"{metric}@{k}"] = 100 * float(np.mean(list(top_k_matches(rows, method, metric, k).values())))
+        first = table.filter((pa.compute.field("method") == method) & (pa.compute.field("rank") == 0))
+        line["tasks"] = first.num_rows
+        for key in ("seconds", "simulated_actions"):
+            line[key] = float(np.mean(first[key].to_numpy()))
+        summary.append(line)
+    return summary
+
+
+def paired_difference(
+    rows: Path, better: str, worse: str, metric: str, k: int, seed: int = 0, draws: int = 10_000
+) -> tuple[float, float, float]:
+    """The difference of two methods on the same tasks in points, with a 95 % interval of the paired bootstrap.
+
+    Tasks are drawn with replacement; both methods are judged on the same draw.
+    """
+    a, b = (top_k_matches(rows, method, metric, k) for method in (better, worse))
+    difference = np.array([100.0 * (a[task] - b[task]) for task in sorted(a)])
+    rng = np.random.default_rng(seed)
+    means = [difference[rng.integers(0, len(difference), len(difference))].mean() for _ in range(draws)]
+    low, high = np.percentile(means, [2.5, 97.5])
+    return float(difference.mean()), float(low), float(high)
+
+

@@ -1,0 +1,30 @@
+"""Tables from evaluation rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from evaps.evaluate import METRICS, TOP, paired_difference, summarize
+
+NAMES = {"lgrl": "LGRL", "evaps": "EVAPS (repairs LGRL's candidates)"}
+TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state": "generalization"}
+
+
+def summary_table(rows: Path) -> str:
+    """Markdown: for each method the three metrics at top-1 / 5 / 20 in %, seconds and simulated actions a task."""
+    head = ["method", *(TITLES[m] for m in METRICS), "seconds", "simulated actions"]
+    lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
+    for line in summarize(rows):
+        matches = [" / ".join(f"{line[f'{metric}@{k}']:.1f}" for k in TOP) for metric in METRICS]
+        costs = [f"{line['seconds']:.2f}", f"{line['simulated_actions']:.0f}"]
+        lines.append(f"| {' | '.join([NAMES.get(line['method'], line['method']), *matches, *costs])} |")
+    return "\n".join(lines)
+
+
+def difference_line(rows: Path, better: str = "evaps", worse: str = "lgrl") -> str:
+    """One sentence: how much better the first method's first answer generalizes, with its interval."""
+    mean, low, high = paired_difference(rows, better, worse, "generalization_state", 1)
+    return (
+        f"Generalization at top-1, {NAMES[better].split(' (')[0]} minus {NAMES[worse]}: {mean:+.1f} points, "
+        f"95 % interval [{low:+.1f}, {high:+.1f}] (paired bootstrap over tasks)."
+    )

@@ -1,0 +1,67 @@
+"""The report page: one HTML file that shows what came of some tasks, readable anywhere, offline."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from evaps.dsl import token_type
+from evaps.viewer.highlight import python_spans
+from evaps.viewer.pictures import Pictures
+from evaps.viewer.story import TaskReport, line_views, rounds, steps, telling_example
+
+__all__ = ["TaskReport", "render_page", "write_page"]
+
+CHECKS_SHOWN = 5  # of the conditions evaluated at one view; a loop without an action can have dozens
+
+
+def write_page(path: Path, reports: Sequence[TaskReport]) -> None:
+    """Write the report page of some tasks, with everything that it shows inside.
+
+    The file is complete or not there: it is written under another name and moved into place.
+
+    Args:
+        path: the HTML file; folders that are missing are made.
+        reports: the tasks, in the order in which they are shown.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part.write_text(render_page(reports), encoding="utf-8")
+    part.replace(path)
+
+
+def render_page(reports: Sequence[TaskReport]) -> str:
+    """The report page as a text.
+
+    Args:
+        reports: the tasks, in the order in which they are shown.
+    """
+    return _environment().get_template("page.html").render(
+        reports=reports,
+        pictures=Pictures(),  # the template shows pictures; those that it has shown stand at the page's end
+        most_examples=max((len(r.task.examples) for r in reports), default=0),
+        furthest=max((int(e.goal.depth.max()) for r in reports for e in r.task.examples), default=0),
+        checks_shown=CHECKS_SHOWN,
+    )
+
+
+def _environment() -> Environment:
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals.update(
+        line_views=line_views,
+        python_spans=python_spans,
+        rounds=rounds,
+        steps=steps,
+        telling_example=telling_example,
+        token_type=token_type,
+    )
+    return environment

@@ -1,0 +1,92 @@
+"""The answer to a task in the terminal: the page's story in short."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from evaps.dsl import Program
+from evaps.dsl.alignment import Edit
+from evaps.viewer.highlight import python_spans
+from evaps.viewer.story import TaskReport, rounds
+
+if TYPE_CHECKING:  # else the terminal would wait for torch
+    from evaps.synthesis.solution import Attempt
+
+STYLES = {
+    "action": "cyan",
+    "perception": "magenta",
+    "constant": "yellow",
+    "control": "bold",
+    "bracket": "dim",
+    "": "",
+}
+
+
+def show_solution(console: Console, report: TaskReport) -> None:
+    """Print what came of a task: the verdict, each round of repair, the program, the other candidates.
+
+    Where the console has no colours, edits are marked in letters: ``[-deleted-]`` and ``{+inserted+}``.
+    """
+    solution, best = report.solution, report.solution.candidates[0]
+    console.rule(Text(report.task.name, "bold"), align="left", style="dim")
+    console.print(_verdict(report))
+    for step in rounds(best):
+        text = f"round {step.number}: {_pairs(step.before)} -> {_pairs(step.after)} pairs"
+        console.print(Text(text, "dim"))
+        console.print(Padding(edits_text(step.edits, console.color_system is not None), (0, 0, 0, 2)))
+    console.print()
+    console.print(Padding(program_text(best.program), (0, 0, 0, 2)))
+    if len(solution.candidates) > 1:
+        console.print(_others(report))
+
+
+def _verdict(report: TaskReport) -> Text:
+    solution = report.solution
+    best = solution.candidates[0]
+    text = Text("solved" if solution.solved else "not solved", "bold green" if solution.solved else "bold red")
+    text.append(f"  {_pairs(best.final)} pairs", "default not bold")
+    facts = f"  {best.origin}, {solution.seconds:.1f} s, {solution.simulated_actions} simulated actions"
+    return text.append(facts, "default not bold dim")
+
+
+def _pairs(attempt: Attempt) -> str:
+    return f"{attempt.pairs_passed}/{len(attempt.passed)}"
+
+
+def edits_text(edits: Iterable[Edit], colours: bool) -> Text:
+    """The tokens of two programs as one text: deleted ones struck through, inserted ones green."""
+    words: list[Text] = []
+    for edit in edits:
+        if edit.kind == "keep":
+            words.append(Text(edit.old or "", "dim" if colours else ""))
+            continue
+        if edit.old is not None:
+            words.append(Text(edit.old, "strike red") if colours else Text(f"[-{edit.old}-]"))
+        if edit.new is not None:
+            words.append(Text(edit.new, "bold green") if colours else Text(f"{{+{edit.new}+}}"))
+    return Text(" ").join(words)
+
+
+def program_text(program: Program) -> Text:
+    """The Python form in colours."""
+    lines = [
+        Text.assemble(*((piece, STYLES[kind]) for kind, piece in python_spans(line)))
+        for _, line in program.python_lines
+    ]
+    return Text("\n").join(lines)
+
+
+def _others(report: TaskReport) -> Table:
+    table = Table(title="other candidates", title_justify="left", title_style="dim", box=None, pad_edge=False)
+    table.add_column("pairs", justify="right")
+    table.add_column("origin")
+    table.add_column("program", overflow="fold")
+    for candidate in report.solution.candidates[1:]:
+        table.add_row(_pairs(candidate.final), Text(candidate.origin), Text(str(candidate.program), "dim"))
+    return table

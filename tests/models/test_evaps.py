@@ -1,0 +1,119 @@
+"""EVAPS: what a token's representation depends on, invariances, and that it can learn."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from evaps.dsl import Program
+from evaps.dsl.mutation import mutate
+from evaps.dsl.sampler import sample_program
+from evaps.models.base import Execution
+from evaps.models.evaps import Batch, Evaps, EvapsConfig
+
+CPU = torch.device("cpu")
+PROGRAM = Program.parse("DEF run m( MOVE_LEFT IF c( ISTHERE Demon c) i( ATTACK i) TURN_LEFT TURN_RIGHT MOVE_RIGHT m)")
+
+
+def execution(program: Program, rng: np.random.Generator, rows: int = 200) -> Execution:
+    shape = (5, len(program.segments))
+    seen = [rng.integers(0, rows, shape) for _ in range(2)]
+    return Execution(program, *seen, *(rng.integers(0, rows, 5) for _ in range(3)))
+
+
+def model(**flags: bool) -> Evaps:
+    torch.manual_seed(0)
+    return Evaps(EvapsConfig(**flags)).eval()
+
+
+@pytest.fixture()
+def table() -> torch.Tensor:
+    return torch.randn(200, 256, generator=torch.Generator().manual_seed(1))
+
+
+def test_a_token_changes_with_its_own_segments_observations_and_only_then(table: torch.Tensor) -> None:
+    seen = execution(PROGRAM, np.random.default_rng(0))
+    net = model(goal=False)
+    before = net.represent(Batch.of([seen], CPU), table)[0]
+    for segment in range(len(PROGRAM.segments)):
+        other = seen.after.copy()
+        other[2, segment] = (other[2, segment] + 1) % 200
+        after = net.represent(Batch.of([replace(seen, after=other)], CPU), table)[0]
+        changed = (before != after).any(-1)
+        own = torch.tensor(PROGRAM.token_segments) == segment
+        assert torch.equal(changed[2], own)
+        assert not changed[[0, 1, 3, 4]].any()
+
+
+def test_what_never_ran_has_one_learned_vector(table: torch.Tensor) -> None:
+    seen = execution(PROGRAM, np.random.default_rng(0))
+    never = seen.before.copy()
+    never[:, 3] = -1
+    net = model(graph=False, goal=False)
+    x = net.represent(Batch.of([replace(seen, before=never, after=never)], CPU), table)[0]
+    own = torch.tensor(PROGRAM.token_segments) == 3
+    assert torch.equal(x[:, own, 256:], net.never.expand_as(x[:, own, 256:]))
+
+
+def test_neighbours_in_the_graph_influence_a_token_and_strangers_do_not() -> None:
+    net = model(observations=False, goal=False)
+    other = Program.parse(str(PROGRAM).replace("MOVE_RIGHT", "MOVE_BACKWARD"))
+    position = PROGRAM.tokens.index("MOVE_RIGHT")
+    rng = np.random.default_rng(0)
+    a, b = (net._symbols(Batch.of([execution(p, rng)], CPU))[0] for p in (PROGRAM, other))
+    near = {position}
+    for _ in range(net.config.graph_layers):
+        near |= {x for edge in PROGRAM.edges for x in edge if near & set(edge)}
+    changed = {i for i in range(len(PROGRAM.tokens)) if not torch.equal(a[i], b[i])}
+    assert changed == near
+
+
+def test_without_the_graph_tokens_stand_alone() -> None:
+    net = model(observations=False, goal=False, graph=False)
+    other = Program.parse(str(PROGRAM).replace("MOVE_RIGHT", "MOVE_BACKWARD"))
+    rng = np.random.default_rng(0)
+    a, b = (net._symbols(Batch.of([execution(p, rng)], CPU))[0] for p in (PROGRAM, other))
+    assert int((a != b).any(-1).sum()) == 1
+
+
+@pytest.mark.parametrize("flags", [{}, {"observations": False}, {"graph": False}, {"goal": False}])
+def test_neither_the_order_of_pairs_nor_padding_matters(flags: dict[str, bool], table: torch.Tensor) -> None:
+    rng = np.random.default_rng(0)
+    seen = execution(PROGRAM, rng)
+    longer = execution(max((sample_program(rng) for _ in range(20)), key=lambda p: len(p.tokens)), rng)
+    net = model(**flags)
+    alone = net(Batch.of([seen], CPU), table)
+    order = rng.permutation(5)
+    shuffled = replace(seen, **{k: getattr(seen, k)[order] for k in ("before", "after", "first", "final", "goal")})
+    together = net(Batch.of([longer, shuffled], CPU), table)
+    for one, two in zip(alone, together, strict=True):
+        torch.testing.assert_close(one[0], two[1, : len(PROGRAM.tokens)], rtol=1e-4, atol=1e-5)
+
+
+def test_repairs_are_new_programs(table: torch.Tensor) -> None:
+    seen = execution(PROGRAM, np.random.default_rng(0))
+    tried = {PROGRAM}
+    for _ in range(3):
+        (repaired,) = model().repair([seen], table, [tried])
+        if repaired is None:
+            break
+        assert repaired not in tried
+        tried.add(repaired)
+
+
+@pytest.mark.slow()
+def test_it_can_learn_32_repairs_by_heart(table: torch.Tensor) -> None:
+    torch.manual_seed(0)
+    rng = np.random.default_rng(0)
+    targets = [sample_program(rng) for _ in range(32)]
+    wrong = [execution(mutate(p, rng), rng) for p in targets]
+    net = Evaps(EvapsConfig(dropout=0.0))
+    optimizer = torch.optim.Adam(net.parameters(), lr=2e-3)
+    for _ in range(60):
+        optimizer.zero_grad()
+        net.loss(wrong, targets, table).backward()
+        torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+        optimizer.step()
+    repaired = net.eval().repair(wrong, table, [{e.program} for e in wrong])
+    assert np.mean([r == t for r, t in zip(repaired, targets, strict=True)]) >= 0.95

@@ -1,0 +1,92 @@
+"""LGRL: masks, invariances, and that it can learn."""
+
+import numpy as np
+import pytest
+import torch
+from torch.nn import functional as F
+
+from evaps.dsl import VOCAB
+from evaps.dsl.sampler import sample_program
+from evaps.models.base import pad
+from evaps.models.lgrl import LGRL, LGRLConfig
+from evaps.synthesis.beam import beam_search
+from evaps.train.methods import grammar_masks
+
+
+def batch(programs: list[list[int]]) -> tuple[torch.Tensor, torch.Tensor]:
+    tokens = pad(programs)
+    masks = np.zeros((*tokens.shape, len(VOCAB)), bool)
+    for row, program in zip(masks, programs, strict=True):
+        row[: len(program)] = grammar_masks(program)
+    return tokens, torch.from_numpy(masks)
+
+
+@pytest.fixture()
+def programs() -> list[list[int]]:
+    rng = np.random.default_rng(0)
+    return [VOCAB.encode(sample_program(rng).tokens) for _ in range(32)]
+
+
+@pytest.fixture()
+def model() -> LGRL:
+    torch.manual_seed(0)
+    return LGRL(LGRLConfig(dropout=0.0)).eval()
+
+
+def test_loss_is_a_mean_over_tokens_whatever_the_padding(model: LGRL, programs: list[list[int]]) -> None:
+    features = torch.randn(32, 5, 2, 256)
+    together = model.loss(features, *batch(programs))
+    each = [model.loss(features[i : i + 1], *batch([p])) * len(p) for i, p in enumerate(programs)]
+    alone = sum(each) / sum(map(len, programs))
+    torch.testing.assert_close(together, alone, rtol=1e-4, atol=1e-5)
+
+
+def test_the_order_of_pairs_does_not_matter(model: LGRL, programs: list[list[int]]) -> None:
+    features = torch.randn(32, 5, 2, 256)
+    shuffled = features[:, torch.randperm(5)]
+    torch.testing.assert_close(model.loss(features, *batch(programs)), model.loss(shuffled, *batch(programs)))
+
+
+def test_stepwise_decoding_scores_a_program_as_the_loss_does(model: LGRL, programs: list[list[int]]) -> None:
+    features = torch.randn(1, 5, 2, 256)
+    tokens, masks = batch(programs[:1])
+    state, last, total = model.start(features), None, 0.0
+    for i, token in enumerate(programs[0]):
+        logits, state = model.step(state, last, None)
+        scores = logits.masked_fill(~masks[:, i], -torch.inf).log_softmax(-1)
+        total, last = total - scores[0, token].item(), torch.tensor([token])
+    assert total / len(programs[0]) == pytest.approx(model.loss(features, tokens, masks).item(), rel=1e-4)
+
+
+def test_beam_search_finds_all_short_programs_in_order(model: LGRL) -> None:
+    features = torch.randn(2, 5, 2, 256)
+    for proposals in beam_search(model, features, beam=20, max_tokens=5):
+        assert len({p.program for p in proposals}) == 7  # DEF run m( ACTION m)
+        scores = [p.log_probability for p in proposals]
+        assert scores == sorted(scores, reverse=True)
+        assert sum(np.exp(scores)) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_beam_search_of_several_tasks_equals_one_by_one(model: LGRL) -> None:
+    features = torch.randn(3, 5, 2, 256)
+    together = beam_search(model, features, beam=6, max_tokens=16)
+    for i, group in enumerate(together):
+        alone = beam_search(model, features[i : i + 1], beam=6, max_tokens=16)[0]
+        assert [p.program for p in alone] == [p.program for p in group]
+
+
+@pytest.mark.slow()
+def test_it_can_learn_32_tasks_by_heart(programs: list[list[int]]) -> None:
+    torch.manual_seed(0)
+    model = LGRL(LGRLConfig(dropout=0.0))
+    features = F.normalize(torch.randn(32, 5, 2, 256), dim=-1) * 4
+    tokens, masks = batch(programs)
+    optimizer = torch.optim.Adam(model.parameters(), lr=2e-3)
+    for _ in range(80):
+        optimizer.zero_grad()
+        model.loss(features, tokens, masks).backward()
+        torch.nn.utils.clip_grad_norm_(model.parameters(), 1.0)
+        optimizer.step()
+    best = [group[0].program for group in beam_search(model.eval(), features, beam=2)]
+    right = [VOCAB.encode(p.tokens) == gold for p, gold in zip(best, programs, strict=True)]
+    assert np.mean(right) >= 0.95
