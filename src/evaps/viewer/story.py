@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
@@ -25,6 +25,15 @@ class TaskReport:
 
 
 @dataclass(frozen=True)
+class Change:
+    """A stretch of tokens that an edit keeps, or that it deletes and puts others in the place of."""
+
+    kept: str
+    deleted: str
+    inserted: str
+
+
+@dataclass(frozen=True)
 class Round:
     """A round of repair.
 
@@ -32,20 +41,28 @@ class Round:
         number: from 1.
         before: the attempt that was repaired.
         after: what came of it.
-        edits: how the token form of the one becomes that of the other.
+        changes: how the token form of the one becomes that of the other.
     """
 
     number: int
     before: Attempt
     after: Attempt
-    edits: tuple[Edit, ...]
+    changes: tuple[Change, ...]
 
 
 def rounds(candidate: Candidate) -> Iterator[Round]:
     """The rounds of repair that a candidate went through; none if it was handed out as proposed."""
     for number, (before, after) in enumerate(pairwise(candidate.attempts), 1):
         edits = align(before.program.tokens, after.program.tokens)
-        yield Round(number, before, after, tuple(edits))
+        yield Round(number, before, after, tuple(_changes(edits)))
+
+
+def _changes(edits: Iterable[Edit]) -> Iterator[Change]:
+    for kept, group in groupby(edits, lambda edit: edit.kind == "keep"):
+        part = list(group)
+        old = " ".join(edit.old for edit in part if edit.old is not None)
+        new = " ".join(edit.new for edit in part if edit.new is not None)
+        yield Change(old, "", "") if kept else Change("", old, new)
 
 
 @dataclass(frozen=True)

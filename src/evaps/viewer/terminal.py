@@ -11,9 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from evaps.dsl import Program
-from evaps.dsl.alignment import Edit
 from evaps.viewer.highlight import python_spans
-from evaps.viewer.story import TaskReport, rounds
+from evaps.viewer.story import Change, TaskReport, rounds
 
 if TYPE_CHECKING:  # else the terminal would wait for torch
     from evaps.synthesis.solution import Attempt
@@ -33,16 +32,16 @@ def show_solution(console: Console, report: TaskReport) -> None:
 
     Where the console has no colours, edits are marked in letters: ``[-deleted-]`` and ``{+inserted+}``.
     """
-    solution, best = report.solution, report.solution.candidates[0]
+    best, colours = report.solution.candidates[0], console.color_system is not None
     console.rule(Text(report.task.name, "bold"), align="left", style="dim")
     console.print(_verdict(report))
     for step in rounds(best):
         text = f"round {step.number}: {_pairs(step.before)} -> {_pairs(step.after)} pairs"
         console.print(Text(text, "dim"))
-        console.print(Padding(edits_text(step.edits, console.color_system is not None), (0, 0, 0, 2)))
+        console.print(Padding(changes_text(step.changes, colours), (0, 0, 0, 2), expand=False))
     console.print()
-    console.print(Padding(program_text(best.program), (0, 0, 0, 2)))
-    if len(solution.candidates) > 1:
+    console.print(Padding(program_text(best.program), (0, 0, 0, 2), expand=False))
+    if len(report.solution.candidates) > 1:
         console.print(_others(report))
 
 
@@ -59,17 +58,16 @@ def _pairs(attempt: Attempt) -> str:
     return f"{attempt.pairs_passed}/{len(attempt.passed)}"
 
 
-def edits_text(edits: Iterable[Edit], colours: bool) -> Text:
+def changes_text(changes: Iterable[Change], colours: bool) -> Text:
     """The tokens of two programs as one text: deleted ones struck through, inserted ones green."""
     words: list[Text] = []
-    for edit in edits:
-        if edit.kind == "keep":
-            words.append(Text(edit.old or "", "dim" if colours else ""))
-            continue
-        if edit.old is not None:
-            words.append(Text(edit.old, "strike red") if colours else Text(f"[-{edit.old}-]"))
-        if edit.new is not None:
-            words.append(Text(edit.new, "bold green") if colours else Text(f"{{+{edit.new}+}}"))
+    for change in changes:
+        if change.kept:
+            words.append(Text(change.kept, "dim" if colours else ""))
+        if change.deleted:
+            words.append(Text(change.deleted, "strike red") if colours else Text(f"[-{change.deleted}-]"))
+        if change.inserted:
+            words.append(Text(change.inserted, "bold green") if colours else Text(f"{{+{change.inserted}+}}"))
     return Text(" ").join(words)
 
 

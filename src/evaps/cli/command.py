@@ -1,0 +1,67 @@
+"""What a command is, and what its end means: exit statuses and the one line about what went wrong."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+from evaps.dsl import UserError
+from evaps.robots.base import EngineError
+
+DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+class Command(ABC):
+    """A command: a frozen dataclass whose fields are its options and whose docstrings are its help.
+
+    It loads what is heavy (torch, the engine) in :meth:`run`, so that the help is quick.
+    """
+
+    stopped: ClassVar[str] = "stopped"
+    """What Ctrl-C says."""
+
+    @abstractmethod
+    def run(self) -> None:
+        """Do the job.
+
+        Raises:
+            UserError: the input is wrong.
+        """
+
+
+def exit_status(command: Command, debug: bool = False) -> int:
+    """Run a command; where it does not end well, say why in one line on standard error.
+
+    Args:
+        command: what to run.
+        debug: show the traceback too.
+
+    Returns:
+        0 done, 2 the user's input is wrong, 130 stopped with Ctrl-C, 1 anything else.
+    """
+    try:
+        command.run()
+        sys.stdout.flush()
+        return DONE
+    except KeyboardInterrupt:
+        return _end(INTERRUPTED, command.stopped, debug)
+    except BrokenPipeError:  # whoever reads our output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except UserError as error:
+        return _end(WRONG_INPUT, str(error), debug)
+    except EngineError as error:
+        return _end(FAILED, str(error), debug)
+    except Exception as error:
+        hint = "" if debug else " (evaps --debug COMMAND ... shows where)"
+        return _end(FAILED, f"unexpected {type(error).__name__}: {error}{hint}", debug)
+
+
+def _end(status: int, message: str, debug: bool) -> int:
+    if debug:
+        traceback.print_exc()
+    print("evaps:", " ".join(message.split()), file=sys.stderr)
+    return status

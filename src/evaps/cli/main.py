@@ -1,0 +1,45 @@
+"""The list of commands, and where the command line enters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, TypeAlias
+
+import tyro
+from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, OmitSubcommandPrefixes, subcommand
+
+from evaps.cli.command import exit_status
+from evaps.cli.generate import Generate
+from evaps.cli.make_task import MakeTask
+from evaps.cli.run import Run
+
+# A line adds a command: its name, and a `Command` from a module of its own, which loads what is heavy in `run`.
+AnyCommand: TypeAlias = (
+    Annotated[Run, subcommand("run")]
+    | Annotated[MakeTask, subcommand("make-task")]
+    | Annotated[Generate, subcommand("generate")]
+)
+
+
+@dataclass(frozen=True)
+class Evaps:
+    """Readable robot programs from five examples, checked and repaired on the real ViZDoom engine.
+
+    Exit status: 0 done, 2 the input is wrong, 130 stopped with Ctrl-C, 1 anything else.
+    """
+
+    command: AnyCommand
+    debug: bool = False
+    """Show where an error arose; stands before the command."""
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run ``evaps`` with these arguments, else with those of the process; the exit status.
+
+    Raises:
+        SystemExit: 0 after help, 2 if the arguments are wrong.
+    """
+    config = (OmitSubcommandPrefixes, OmitArgPrefixes, FlagCreatePairsOff)
+    evaps = tyro.cli(Evaps, prog="evaps", args=args, config=config)
+    return exit_status(evaps.command, evaps.debug)

@@ -1,0 +1,91 @@
+"""``evaps run``: a program on the robot."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evaps.cli.command import Command
+from evaps.cli.inputs import read_program, read_scene
+
+if TYPE_CHECKING:
+    from evaps.dsl import Trace
+    from evaps.robots.base import Image, Observation, WorldState
+
+
+@dataclass(frozen=True)
+class Run(Command):
+    """Run a program on the Doom robot and show what happened.
+
+    A run ends after 20 actions or 100 interpreter calls at the latest; one that would need more has not halted.
+    """
+
+    program: str
+    """File with the program, in the token form or the Python form; - reads standard input."""
+    scene: Path
+    """JSON file with the scene: {"robot": {"x", "y", "heading"}, "things": [{"kind", "x", "y"}, ...]}, in whole
+    map units and whole degrees counter-clockwise from east."""
+    json: bool = False
+    """Print one JSON object instead of a summary; it also has SHA-256 sums of the first and last views."""
+
+    def run(self) -> None:
+        """Run the program from the scene."""
+        from evaps.dsl import run
+        from evaps.robots.doom import DoomRobot
+
+        program, scene = read_program(self.program), read_scene(self.scene)
+        robot = DoomRobot()
+        try:
+            robot.reset(scene)
+            trace = run(program, robot)
+            state = robot.state()
+        finally:
+            robot.close()
+        if self.json:
+            print(json.dumps(as_json(trace, state)))
+        else:
+            _print_summary(trace, state)
+
+
+def as_json(trace: Trace[Observation], state: WorldState) -> dict[str, Any]:
+    """The object that ``evaps run --json`` prints.
+
+    Args:
+        trace: of the run.
+        state: the world after it.
+    """
+    first, last = trace.observations[0], trace.observations[-1]
+    return {
+        "halted": trace.halted,
+        "actions": list(trace.actions),
+        "final": state.to_json(),
+        "rgb_sha256": _sha256(last.rgb),
+        "depth_sha256": _sha256(last.depth),
+        "first_rgb_sha256": _sha256(first.rgb),
+        "first_depth_sha256": _sha256(first.depth),
+    }
+
+
+def _sha256(plane: Image) -> str:
+    return hashlib.sha256(plane.tobytes("C")).hexdigest()
+
+
+def _print_summary(trace: Trace[Observation], state: WorldState) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console, robot = Console(highlight=False), state.robot
+    how = "[green]halted[/]" if trace.halted else "[yellow]did not halt[/] within its limits"
+    console.print(trace.program.to_python(), markup=False)
+    console.print(f"{how}: {len(trace.actions)} actions, {trace.calls} interpreter calls")
+    console.print(" ".join(trace.actions) or "no action", style="bold")
+    console.print(f"robot at x {robot.x:g}, y {robot.y:g}, heading {robot.heading:g} degrees")
+    console.print(f"ammunition {state.ammo}, health {state.health}")
+    table = Table("thing", "alive", "x", "y")
+    for thing in state.things:
+        table.add_row(thing.kind, "yes" if thing.alive else "no", f"{thing.x:g}", f"{thing.y:g}")
+    if state.things:
+        console.print(table)
