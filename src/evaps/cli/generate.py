@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import ClassVar
 
 from tyro.conf import Positional
 
 from evaps.cli.command import Command
-from evaps.cli.inputs import writing
+from evaps.cli.inputs import Folder, writing
 from evaps.dsl import UserError
 
 
@@ -28,7 +27,7 @@ class Generate(Command):
 
     stopped: ClassVar[str] = "stopped; nothing is lost: the same command goes on where it was"
 
-    out: Positional[Path]
+    out: Positional[Folder]
     """Folder of the data set; new, empty, or one that was begun with the same seed."""
     tasks: int = 20_000
     """How many tasks."""

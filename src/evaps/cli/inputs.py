@@ -7,12 +7,18 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeAlias
+
+from tyro.conf import arg
 
 from evaps.dsl import Program, ProgramError, UserError
 from evaps.robots.base import Scene, SceneError
 from evaps.robots.scenes import validate
 from evaps.tasks.files import decode, read_json, read_text
+
+ProgramFile: TypeAlias = Annotated[str, arg(metavar="FILE|-")]
+File: TypeAlias = Annotated[Path, arg(metavar="FILE")]
+Folder: TypeAlias = Annotated[Path, arg(metavar="DIR")]
 
 
 def read_program(path: str) -> Program:

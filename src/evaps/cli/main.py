@@ -10,15 +10,22 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, OmitSubcommandPrefixes, subcommand
 
 from evaps.cli.command import exit_status
+from evaps.cli.evaluate import Evaluate
 from evaps.cli.generate import Generate
 from evaps.cli.make_task import MakeTask
 from evaps.cli.run import Run
+from evaps.cli.synthesize import Demo, Synthesize
+from evaps.cli.train import Train
 
-# A line adds a command: its name, and a `Command` from a module of its own, which loads what is heavy in `run`.
+# A line adds a command: a `Command` from a module of its own, which loads what is heavy in `run`.
 AnyCommand: TypeAlias = (
     Annotated[Run, subcommand("run")]
     | Annotated[MakeTask, subcommand("make-task")]
     | Annotated[Generate, subcommand("generate")]
+    | Annotated[Train, subcommand("train")]
+    | Annotated[Synthesize, subcommand("synthesize")]
+    | Annotated[Evaluate, subcommand("evaluate")]
+    | Annotated[Demo, subcommand("demo")]
 )
 
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evaps.cli.command import Command
-from evaps.cli.inputs import read_program, read_scenes, writing
+from evaps.cli.inputs import File, Folder, ProgramFile, read_program, read_scenes, writing
 from evaps.dsl import Limits, Program, UserError
 
 if TYPE_CHECKING:
@@ -22,11 +21,11 @@ class MakeTask(Command):
     The program itself is not in the folder: `evaps synthesize` is to find one that does the same.
     """
 
-    program: str
+    program: ProgramFile
     """File with the program, in the token form or the Python form; - reads standard input."""
-    scenes: Path
+    scenes: File
     """JSON file with a list of exactly five scenes, each as `evaps run` takes it."""
-    out: Path
+    out: Folder
     """The folder to write; it must not exist."""
 
     def run(self) -> None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evaps.cli.command import Command
-from evaps.cli.inputs import read_program, read_scene
+from evaps.cli.inputs import File, ProgramFile, read_program, read_scene
 
 if TYPE_CHECKING:
     from evaps.dsl import Trace
@@ -20,14 +19,14 @@ if TYPE_CHECKING:
 class Run(Command):
     """Run a program on the Doom robot and show what happened.
 
-    A run ends after 20 actions or 100 interpreter calls at the latest; one that would need more has not halted.
+    A run ends after 20 actions or 100 interpreter calls; one that would need more has not halted. Scenes are
+    in whole map units and whole degrees counter-clockwise from east.
     """
 
-    program: str
+    program: ProgramFile
     """File with the program, in the token form or the Python form; - reads standard input."""
-    scene: Path
-    """JSON file with the scene: {"robot": {"x", "y", "heading"}, "things": [{"kind", "x", "y"}, ...]}, in whole
-    map units and whole degrees counter-clockwise from east."""
+    scene: File
+    """JSON file with the scene: {"robot": {"x", "y", "heading"}, "things": [{"kind", "x", "y"}, ...]}."""
     json: bool = False
     """Print one JSON object instead of a summary; it also has SHA-256 sums of the first and last views."""
 

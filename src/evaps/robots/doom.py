@@ -228,7 +228,8 @@ def start_engine(wad: Path) -> Any:
     try:
         import vizdoom
     except ImportError as error:
-        raise EngineError(f"vizdoom cannot be loaded: {_one_line(error)}; try: pip install vizdoom") from error
+        message = f"vizdoom cannot be loaded: {_one_line(error)}; try: pip install vizdoom"
+        raise EngineError(message) from error
     game = vizdoom.DoomGame()
     _configure(game, vizdoom, wad)
     try:
@@ -289,8 +290,9 @@ def check_wad(wad: Path) -> None:
     cache_folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "evaps"
     if (cache_folder / f"wad-{key}").exists():
         return
-    code = "import sys, pathlib; from evaps.robots.doom import start_engine; start_engine(pathlib.Path(sys.argv[1]))"
-    child = subprocess.run([sys.executable, "-c", code, str(wad)], capture_output=True, text=True, timeout=120)
+    code = "import sys, pathlib, evaps.robots.doom as doom; doom.start_engine(pathlib.Path(sys.argv[1]))"
+    command = [sys.executable, "-c", code, str(wad)]
+    child = subprocess.run(command, capture_output=True, text=True, timeout=120)
     if child.returncode:
         lines = (child.stderr or child.stdout).strip().splitlines() or ["no message"]
         reason = f"signal {-child.returncode}" if child.returncode < 0 else lines[-1]

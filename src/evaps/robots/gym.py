@@ -18,13 +18,13 @@ ACTIONS = tuple(TICS)
 """The name of each action, by its number."""
 
 
-class DoomEnv(gymnasium.Env[dict[str, Image], Any]):
+class DoomEnv(gymnasium.Env[dict[str, Any], Any]):
     """The world in which programs run, one action of the language a step.
 
     ## Description
     A robot with a pistol in a rectangular room, 640 by 448 map units, with up to three each of Demon,
-    HellKnight, Revenant and Clip. Monsters stand still and die of one bullet; walking over a Clip picks it up.
-    The world is deterministic: from one scene, one sequence of actions always gives the same bytes.
+    HellKnight, Revenant and Clip. Monsters stand still and die of one bullet; a Clip is picked up by walking
+    over it. The world is deterministic: from one scene, one sequence of actions always gives the same bytes.
 
     ## Action Space
     ``Discrete(7)``. Every action ends with the world at rest.
@@ -40,12 +40,12 @@ class DoomEnv(gymnasium.Env[dict[str, Image], Any]):
     | 6 | ``ATTACK`` | one bullet straight ahead: 1 tic, then 80 of rest |
 
     ## Observation Space
-    ``Dict`` of ``rgb``, uint8 ``[120, 160, 3]``, and ``depth``, uint8 ``[120, 160]`` (about 14 levels per 100
-    map units; larger is further away).
+    ``Dict`` of ``rgb``, uint8 ``[120, 160, 3]``, and ``depth``, uint8 ``[120, 160]`` (about 14 levels per
+    100 map units; larger is further away).
 
     ## Rewards
-    Always 0.0. What is to be done here is what an unknown program does, and a task shows that by examples; the
-    world itself wants nothing. Wrap the environment (`gymnasium.RewardWrapper`) to give it a goal of your own.
+    Always 0.0. What is to be done here is what an unknown program does, and a task shows that by examples;
+    the world itself has no goal. Wrap the environment in a `gymnasium.Wrapper` to give it one of your own.
 
     ## Starting State
     A random valid scene, drawn from the environment's own generator, or the one in the options of `reset`.
@@ -67,7 +67,8 @@ class DoomEnv(gymnasium.Env[dict[str, Image], Any]):
 
     >>> import evaps, gymnasium
     >>> env = gymnasium.make("evaps/Doom-v0", max_episode_steps=20)
-    >>> scene = {"robot": {"x": -300, "y": 280, "heading": 0}, "things": [{"kind": "Demon", "x": -100, "y": 300}]}
+    >>> demon = {"kind": "Demon", "x": -100, "y": 300}
+    >>> scene = {"robot": {"x": -300, "y": 280, "heading": 0}, "things": [demon]}
     >>> observation, info = env.reset(options={"scene": scene})
 
     ## Version History

@@ -1,4 +1,4 @@
-"""Memoised worlds: from one scene, one sequence of actions always leads to the same place, so simulate it once."""
+"""Memoised worlds: one sequence of actions from one scene always ends in the same place; simulate it once."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class MemoRobot(Robot):
         return Node((*self.node.actions, action), self.robot, self.perceptions)
 
     def _bring_to(self, actions: tuple[str, ...]) -> None:
-        """Bring the underlying robot to where this one stands: onwards if it is on the way, else from the start."""
+        """Bring the underlying robot to where this one stands: onwards if on the way, else from the start."""
         assert self._scene is not None
         scene, done = self._live or (None, ())
         if scene != self._scene or done != actions[: len(done)]:

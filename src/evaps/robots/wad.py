@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 
 KINDS = {"Demon": ("SARG", 30), "HellKnight": ("BOS2", 24), "Revenant": ("SKEL", 20)}  # kind: sprite, radius
 CLIP = "Clip"
@@ -57,7 +58,8 @@ def textmap() -> str:
     """The arena: one rectangular room, as UDMF."""
     (left, right), (bottom, top) = ARENA_X, ARENA_Y
     corners = [(left, bottom), (left, top), (right, top), (right, bottom)]  # clockwise: walls face inwards
-    sector = dict(heightfloor=0, heightceiling=104, texturefloor="CRATOP1", textureceiling="CRATOP1", lightlevel=210)
+    textures = dict(texturefloor="CRATOP1", textureceiling="CRATOP1")
+    sector = dict(heightfloor=0, heightceiling=104, **textures, lightlevel=210)
     start = dict(x=(left + right) / 2, y=(bottom + top) / 2, type=1, angle=0, single=True)
     start |= {f"skill{i}": True for i in range(1, 6)}
     blocks = [_block("thing", start), _block("sector", sector)]
@@ -68,7 +70,7 @@ def textmap() -> str:
     return 'namespace = "zdoom";\n' + "".join(blocks)
 
 
-def _block(name: str, fields: dict[str, object]) -> str:
+def _block(name: str, fields: Mapping[str, object]) -> str:
     return f"{name} {{ {' '.join(f'{key} = {_literal(value)};' for key, value in fields.items())} }}\n"
 
 
@@ -104,5 +106,5 @@ def unpack(wad: bytes, name: str) -> bytes:
 def arena_wad(decorate_text: str | None = None) -> bytes:
     """The whole world as a WAD; nodes are left to the engine, which builds them when it loads the map."""
     text = decorate() if decorate_text is None else decorate_text
-    lumps = [("DECORATE", text), ("MAPINFO", mapinfo()), ("MAP01", ""), ("TEXTMAP", textmap()), ("ENDMAP", "")]
-    return pack([(name, content.encode()) for name, content in lumps])
+    lumps = {"DECORATE": text, "MAPINFO": mapinfo(), "MAP01": "", "TEXTMAP": textmap(), "ENDMAP": ""}
+    return pack([(name, content.encode()) for name, content in lumps.items()])

@@ -113,7 +113,7 @@ def load_task(
     Args:
         folder: where ``task.json`` and its images are.
         size: height and width that the images must have.
-        check_scene: raises a `SceneError` for a scene that the robot cannot be put into; here the Doom robot's.
+        check_scene: raises `SceneError` for a scene that the robot cannot be put into.
 
     Raises:
         TaskError: something is missing, unknown or of the wrong form; the message says where.

@@ -1,0 +1,63 @@
+"""``evaps evaluate``: exact, semantic and generalization match of methods on a data set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from evaps.cli.command import Command
+from evaps.cli.generate import available_cores
+from evaps.cli.inputs import File, Folder
+from evaps.dsl import UserError
+
+
+@dataclass(frozen=True)
+class Evaluate(Command):
+    """Judge methods on tasks that they were not trained on; one row for each method, task and rank.
+
+    Prints a table in %: exact, semantic (five examples) and generalization match (six) at top-1 / 5 / 20.
+    """
+
+    stopped: ClassVar[str] = "stopped; nothing is lost: the same command goes on where it was"
+
+    data: Folder
+    """Folder of the data set, from `evaps generate`."""
+    out: File
+    """Parquet file for the rows."""
+    model: str = "small"
+    """A shipped set of checkpoints, or a folder of them."""
+    methods: tuple[str, ...] = ("lgrl", "evaps")
+    """Who is judged; evaps repairs the candidates of lgrl."""
+    split: str = "test"
+    """train, validation or test."""
+    tasks: int = 1000
+    """How many tasks of the split."""
+    top_k: int = 20
+    """Candidates of a task."""
+    rounds: int = 5
+    """How often a candidate is repaired at most."""
+    seed: int = 0
+    """Of the training, for the rows."""
+    workers: int = field(default_factory=available_cores)
+    """Processes; by default one a core."""
+
+    def run(self) -> None:
+        """Evaluate, with progress on standard error, and print the table."""
+        if self.out.suffix != ".parquet":
+            raise UserError(f"--out must end in .parquet, not {self.out.name!r}")
+        from evaps.evaluate import evaluate
+        from evaps.report import summary_table
+
+        evaluate(
+            self.data,
+            self.out,
+            self.model,
+            self.methods,
+            self.split,
+            self.tasks,
+            self.top_k,
+            self.rounds,
+            self.seed,
+            self.workers,
+        )
+        print(summary_table(self.out))

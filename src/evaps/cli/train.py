@@ -1,0 +1,43 @@
+"""``evaps train``: a method from a data set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
+
+from tyro.conf import Positional, arg
+
+from evaps.cli.command import Command
+from evaps.cli.generate import available_cores
+from evaps.cli.inputs import Folder
+
+
+@dataclass(frozen=True)
+class Train(Command):
+    """Train a method, or go on with it: first `encoder`, then a synthesizer, then a repairer.
+
+    Each gets a folder with its checkpoint in OUT. What a step needs (random walks, embeddings of frames, runs
+    of wrong programs) is made once and kept beside the data set.
+    """
+
+    stopped: ClassVar[str] = "stopped; nothing is lost: the same command goes on where it was"
+
+    method: Positional[Annotated[str, arg(metavar="encoder|lgrl|evaps")]]
+    """What to train."""
+    data: Folder
+    """Folder of the data set, from `evaps generate`."""
+    out: Folder
+    """Folder of the checkpoints."""
+    scale: str = "small"
+    """How much: smoke (seconds), small (20,000 tasks, under an hour on two cores) or paper (100,000 tasks)."""
+    seed: int = 0
+    """Of weights, batches and mutations."""
+    workers: int = field(default_factory=available_cores)
+    """Processes that simulate; by default one a core."""
+
+    def run(self) -> None:
+        """Train, with progress on standard error."""
+        from evaps.train import train
+
+        folder = train(self.method, self.data, self.out, self.scale, self.seed, self.workers)
+        print(f"{folder}: the checkpoint of {self.method}")
