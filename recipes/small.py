@@ -1,4 +1,4 @@
-"""The small scale: 20,000 tasks, trained on two cores; makes the shipped checkpoints and the README's figures.
+"""The small scale: 20,000 tasks, on two cores; makes the shipped checkpoints and the README's figures.
 
     python -m recipes.small            # everything, resuming where it was
     python -m recipes.small --retrain  # not from the shipped checkpoints
@@ -43,7 +43,7 @@ def make_checkpoints() -> None:
 def make_rows() -> None:
     """`evaps evaluate --data data/small --out results/small/rows.parquet`: the README's first table."""
     ROWS.unlink(missing_ok=True)
-    evaluate(DATA, ROWS, "small", ("lgrl", "evaps"), tasks=TEST_TASKS, seed=SEED)
+    evaluate(DATA, ROWS, "small", ("lgrl", "evaps"), tasks=TEST_TASKS)
 
 
 def main() -> None:

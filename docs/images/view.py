@@ -20,6 +20,7 @@ SCENE = Scene(
 
 
 def main() -> None:
+    """Look once and save it."""
     robot = DoomRobot()
     robot.reset(SCENE)
     seen = robot.observe()

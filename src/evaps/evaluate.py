@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -15,7 +17,8 @@ import torch
 
 from evaps.dsl import Program, UserError, run
 from evaps.dsl.sampler import PERCEPTION_KEYS
-from evaps.models import METHODS, Model, load_model
+from evaps.models import METHODS, Model, load_model, model_folder
+from evaps.models.checkpoint import read_config
 from evaps.robots.base import frame_match, state_match
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import robot_map
@@ -32,6 +35,8 @@ SCHEMA = pa.schema(
         "method": pa.string(),
         "seed": pa.int32(),
         "scale": pa.string(),
+        "commit": pa.string(),
+        "machine": pa.string(),
         "task": pa.int64(),
         "steps": pa.int32(),
         "rank": pa.int32(),
@@ -83,8 +88,6 @@ class EvaluationPart:
     goals: Sequence[list[bytes]]
     top_k: int
     rounds: int
-    seed: int
-    scale: str
 
 
 def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> None:
@@ -96,7 +99,7 @@ def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> None:
         for method in part.methods:
             robot.forget()
             solution = synthesize_with(_model(part.model, method), gold.task, robot, part.top_k, part.rounds)
-            rows += _rows(solution, gold, robot, {"method": method, "seed": part.seed, "scale": part.scale})
+            rows += _rows(solution, gold, robot, _facts(part.model, method))
     write_table(part.path, rows, SCHEMA)
 
 
@@ -106,6 +109,14 @@ def _model(folder: str, method: str) -> Model:
     if method == "evaps":
         return load_model(folder, repairer=method)
     return load_model(folder, synthesizer=method, repairer=None)
+
+
+@cache
+def _facts(folder: str, method: str) -> dict[str, Any]:
+    """What a row says of its making: the training's seed, scale and commit, and this machine."""
+    made = read_config(model_folder(folder) / method, method)["facts"]
+    facts = {key: made[key] for key in ("seed", "scale", "commit")}
+    return {"method": method, **facts, "machine": f"{platform.machine()}, {os.cpu_count()} cores"}
 
 
 def _rows(
@@ -137,7 +148,6 @@ def evaluate(
     tasks: int = 1000,
     top_k: int = 20,
     rounds: int = 5,
-    seed: int = 0,
     workers: int = 2,
 ) -> Path:
     """Judge methods on the first tasks of a split, or go on where it was interrupted.
@@ -151,7 +161,6 @@ def evaluate(
         tasks: how many.
         top_k: candidates of a task.
         rounds: of repair.
-        seed: that the models were trained with, for the rows.
         workers: processes.
 
     Raises:
@@ -161,7 +170,7 @@ def evaluate(
     for method in methods:
         if method not in METHODS:
             raise UserError(f"there is no method {method!r}; known are {', '.join(METHODS)}")
-        _model(model, method)
+        _facts(model, method)
     dataset = Dataset(data)
     positions = dataset.split(split)[:tasks]
     if not positions:
@@ -174,9 +183,7 @@ def evaluate(
         goals = {} if path.exists() else {p: last for p, _, last in dataset.frames(chosen)}
         task_rows = [dataset.rows[p] for p in chosen]
         packed = [goals.get(p, []) for p in chosen]
-        parts.append(
-            EvaluationPart(path, model, tuple(methods), task_rows, packed, top_k, rounds, seed, "small")
-        )
+        parts.append(EvaluationPart(path, model, tuple(methods), task_rows, packed, top_k, rounds))
     missing = [part for part in parts if not part.path.exists()]
     results = robot_map(evaluate_part, missing, workers, PERCEPTION_KEYS)
     for _ in track(results, len(positions), "tasks judged", (len(parts) - len(missing)) * PART, PART):
@@ -210,7 +217,9 @@ def summarize(rows: Path) -> list[dict[str, Any]]:
         line: dict[str, Any] = {"method": method}
         for metric in METRICS:
             for k in TOP:
-                line[f"{metric}@{k}"] = 100 * float(np.mean(list(top_k_matches(rows, method, metric, k).values())))
+                line[f"{metric}@{k}"] = 100 * float(
+                    np.mean(list(top_k_matches(rows, method, metric, k).values()))
+                )
         first = table.filter((pa.compute.field("method") == method) & (pa.compute.field("rank") == 0))
         line["tasks"] = first.num_rows
         for key in ("seconds", "simulated_actions"):
@@ -222,7 +231,7 @@ def summarize(rows: Path) -> list[dict[str, Any]]:
 def paired_difference(
     rows: Path, better: str, worse: str, metric: str, k: int, seed: int = 0, draws: int = 10_000
 ) -> tuple[float, float, float]:
-    """The difference of two methods on the same tasks in points, with a 95 % interval of the paired bootstrap.
+    """The difference of two methods on the same tasks in points, with its 95 % interval (paired bootstrap).
 
     Tasks are drawn with replacement; both methods are judged on the same draw.
     """
@@ -232,5 +241,3 @@ def paired_difference(
     means = [difference[rng.integers(0, len(difference), len(difference))].mean() for _ in range(draws)]
     low, high = np.percentile(means, [2.5, 97.5])
     return float(difference.mean()), float(low), float(high)
-
-

@@ -11,7 +11,7 @@ TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state"
 
 
 def summary_table(rows: Path) -> str:
-    """Markdown: for each method the three metrics at top-1 / 5 / 20 in %, seconds and simulated actions a task."""
+    """Markdown: for each method the metrics at top-1 / 5 / 20 in %, seconds and simulated actions a task."""
     head = ["method", *(TITLES[m] for m in METRICS), "seconds", "simulated actions"]
     lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
     for line in summarize(rows):

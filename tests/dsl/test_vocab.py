@@ -142,7 +142,7 @@ def test_what_a_mask_forbids_does_not_parse(program, data):
 
 
 def test_states_are_shared_and_masks_are_read_only():
-    one, two = after("DEF run m( ATTACK"), after("DEF run m( TURN_LEFT ATTACK")
+    one, two = after("DEF run m( ATTACK ATTACK"), after("DEF run m( ATTACK TURN_LEFT ATTACK")
     assert one is two
     assert pickle.loads(pickle.dumps(one)) is one
     assert one.allowed_within(3) is one.allowed_within(3)

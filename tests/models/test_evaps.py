@@ -13,7 +13,9 @@ from evaps.models.base import Execution
 from evaps.models.evaps import Batch, Evaps, EvapsConfig
 
 CPU = torch.device("cpu")
-PROGRAM = Program.parse("DEF run m( MOVE_LEFT IF c( ISTHERE Demon c) i( ATTACK i) TURN_LEFT TURN_RIGHT MOVE_RIGHT m)")
+PROGRAM = Program.parse(
+    "DEF run m( MOVE_LEFT IF c( ISTHERE Demon c) i( ATTACK i) TURN_LEFT TURN_RIGHT MOVE_RIGHT m)"
+)
 
 
 def execution(program: Program, rng: np.random.Generator, rows: int = 200) -> Execution:
@@ -27,7 +29,7 @@ def model(**flags: bool) -> Evaps:
     return Evaps(EvapsConfig(**flags)).eval()
 
 
-@pytest.fixture()
+@pytest.fixture
 def table() -> torch.Tensor:
     return torch.randn(200, 256, generator=torch.Generator().manual_seed(1))
 
@@ -85,7 +87,9 @@ def test_neither_the_order_of_pairs_nor_padding_matters(flags: dict[str, bool], 
     net = model(**flags)
     alone = net(Batch.of([seen], CPU), table)
     order = rng.permutation(5)
-    shuffled = replace(seen, **{k: getattr(seen, k)[order] for k in ("before", "after", "first", "final", "goal")})
+    shuffled = replace(
+        seen, **{k: getattr(seen, k)[order] for k in ("before", "after", "first", "final", "goal")}
+    )
     together = net(Batch.of([longer, shuffled], CPU), table)
     for one, two in zip(alone, together, strict=True):
         torch.testing.assert_close(one[0], two[1, : len(PROGRAM.tokens)], rtol=1e-4, atol=1e-5)
@@ -102,7 +106,7 @@ def test_repairs_are_new_programs(table: torch.Tensor) -> None:
         tried.add(repaired)
 
 
-@pytest.mark.slow()
+@pytest.mark.slow
 def test_it_can_learn_32_repairs_by_heart(table: torch.Tensor) -> None:
     torch.manual_seed(0)
     rng = np.random.default_rng(0)

@@ -21,13 +21,13 @@ def batch(programs: list[list[int]]) -> tuple[torch.Tensor, torch.Tensor]:
     return tokens, torch.from_numpy(masks)
 
 
-@pytest.fixture()
+@pytest.fixture
 def programs() -> list[list[int]]:
     rng = np.random.default_rng(0)
     return [VOCAB.encode(sample_program(rng).tokens) for _ in range(32)]
 
 
-@pytest.fixture()
+@pytest.fixture
 def model() -> LGRL:
     torch.manual_seed(0)
     return LGRL(LGRLConfig(dropout=0.0)).eval()
@@ -75,7 +75,7 @@ def test_beam_search_of_several_tasks_equals_one_by_one(model: LGRL) -> None:
         assert [p.program for p in alone] == [p.program for p in group]
 
 
-@pytest.mark.slow()
+@pytest.mark.slow
 def test_it_can_learn_32_tasks_by_heart(programs: list[list[int]]) -> None:
     torch.manual_seed(0)
     model = LGRL(LGRLConfig(dropout=0.0))

@@ -103,4 +103,4 @@ def at_once(world):
 
 @pytest.fixture(scope="session")
 def unsolved(world):
-    return world.report("hard", [ENDLESS, SILENT], [WRONG])
+    return world.report("hard", [ENDLESS, BETTER], [SILENT], [WRONG])

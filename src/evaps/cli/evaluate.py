@@ -36,8 +36,6 @@ class Evaluate(Command):
     """Candidates of a task."""
     rounds: int = 5
     """How often a candidate is repaired at most."""
-    seed: int = 0
-    """Of the training, for the rows."""
     workers: int = field(default_factory=available_cores)
     """Processes; by default one a core."""
 
@@ -57,7 +55,6 @@ class Evaluate(Command):
             self.tasks,
             self.top_k,
             self.rounds,
-            self.seed,
             self.workers,
         )
         print(summary_table(self.out))

@@ -27,7 +27,7 @@ class Synthesize(Command):
     """Write programs for tasks: five scenes, and what the robot should see at the end.
 
     The synthesizer's candidates are run on the five scenes and, with --method evaps, repaired with what the
-    robot saw. Candidates are shown best first; a pair is passed if the last view equals the goal in every byte.
+    robot saw. Candidates are shown best first; a pair is passed if the last view equals the goal, every byte.
     """
 
     tasks: Positional[tuple[Path, ...]]

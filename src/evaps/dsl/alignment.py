@@ -29,17 +29,16 @@ class Edit:
 
 
 def align(before: Sequence[str], after: Sequence[str]) -> list[Edit]:
-    """The fewest edits that turn ``before`` into ``after``, in order; insertions stand as late as possible."""
+    """The fewest edits that turn ``before`` into ``after``, in order; insertions come as late as can be."""
     cost = _costs(before, after)
     edits: list[Edit] = []
     i, j = 0, 0
     while i < len(before) or j < len(after):
         here = cost[i][j]
         same = i < len(before) and j < len(after) and before[i] == after[j]
-        if same and cost[i + 1][j + 1] == here:
-            edits.append(Edit(before[i], after[j]))
-            i, j = i + 1, j + 1
-        elif i < len(before) and j < len(after) and not same and cost[i + 1][j + 1] + 1 == here:
+        if (same and cost[i + 1][j + 1] == here) or (
+            i < len(before) and j < len(after) and not same and cost[i + 1][j + 1] + 1 == here
+        ):
             edits.append(Edit(before[i], after[j]))
             i, j = i + 1, j + 1
         elif i < len(before) and cost[i + 1][j] + 1 == here:

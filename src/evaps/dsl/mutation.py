@@ -32,9 +32,7 @@ def _mutate_once(program: Program, rng: np.random.Generator) -> Program:
             return Program(body)
 
 
-def _rewrite(
-    body: Body, index: int, change: Callable[[Statement], Body], at: int
-) -> tuple[Body | None, int]:
+def _rewrite(body: Body, index: int, change: Callable[[Statement], Body], at: int) -> tuple[Body | None, int]:
     """The body with segment ``index`` changed, and the index behind it; None if a block would be empty."""
     out: list[Statement] = []
     for statement in body:
@@ -114,7 +112,9 @@ def _ask_other(statement: Statement, rng: np.random.Generator) -> Body:
 def _negate(statement: Statement, rng: np.random.Generator) -> Body:
     assert isinstance(statement, If | IfElse | While)
     condition = statement.condition
-    return (replace(statement, condition=condition.condition if isinstance(condition, Not) else Not(condition)),)
+    return (
+        replace(statement, condition=condition.condition if isinstance(condition, Not) else Not(condition)),
+    )
 
 
 def _other_control(statement: Statement, rng: np.random.Generator) -> Body:

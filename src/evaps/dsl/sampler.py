@@ -50,7 +50,7 @@ class SamplerConfig:
 
 def sample_program(
     rng: np.random.Generator,
-    config: SamplerConfig = SamplerConfig(),  # noqa: B008 (frozen)
+    config: SamplerConfig = SamplerConfig(),
     perceptions: Sequence[Perception] = PERCEPTIONS,
     conditionals: int | None = None,
 ) -> Program:
@@ -92,7 +92,9 @@ class _Sampler:
                 conditionals -= inside
             else:
                 statements.append(self.action(statements))
-            if not conditionals and not self.chance(self.config.more if depth == 0 else self.config.more * 0.6):
+            if not conditionals and not self.chance(
+                self.config.more if depth == 0 else self.config.more * 0.6
+            ):
                 return tuple(statements)
 
     def conditional(self, inside: int, depth: int) -> Statement:

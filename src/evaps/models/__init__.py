@@ -60,7 +60,24 @@ def load_method(folder: Path, name: str) -> Synthesizer | Repairer:
     return load_weights(folder, new_method(name, **read_config(folder, name)["config"]))
 
 
-def load_model(name: str | Path = "small", synthesizer: str = "lgrl", repairer: str | None = "evaps") -> Model:
+def model_folder(name: str | Path) -> Path:
+    """The folder of a shipped set of checkpoints, or the folder that was named.
+
+    Raises:
+        CheckpointError: there is no such folder.
+    """
+    folder = SHIPPED / name if (SHIPPED / name).is_dir() else Path(name)
+    if not folder.is_dir():
+        shipped = ", ".join(sorted(p.name for p in SHIPPED.glob("*/")))
+        raise CheckpointError(
+            f"there is no checkpoint folder {str(name)!r}; shipped are: {shipped or 'none'}"
+        )
+    return folder
+
+
+def load_model(
+    name: str | Path = "small", synthesizer: str = "lgrl", repairer: str | None = "evaps"
+) -> Model:
     """A trained model: one of the shipped sets by its name, or a folder of checkpoints.
 
     Args:
@@ -71,10 +88,7 @@ def load_model(name: str | Path = "small", synthesizer: str = "lgrl", repairer: 
     Raises:
         CheckpointError: there is no such set, or it does not fit this version.
     """
-    folder = SHIPPED / name if (SHIPPED / name).is_dir() else Path(name)
-    if not folder.is_dir():
-        shipped = ", ".join(sorted(p.name for p in SHIPPED.glob("*/")))
-        raise CheckpointError(f"there is no checkpoint folder {str(name)!r}; shipped are: {shipped or 'none'}")
+    folder = model_folder(name)
     proposes = load_method(folder / synthesizer, synthesizer)
     repairs = load_method(folder / repairer, repairer) if repairer else None
     assert isinstance(proposes, Synthesizer)

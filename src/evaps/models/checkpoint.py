@@ -21,7 +21,7 @@ class CheckpointError(UserError):
 
 
 def save_checkpoint(folder: Path, model: nn.Module, name: str, facts: dict[str, Any]) -> None:
-    """Write ``model.safetensors`` (half precision) and ``config.json``; the configuration last, so that it means: done.
+    """Write ``model.safetensors`` (half precision), then ``config.json``, which thus means: done.
 
     Args:
         folder: where to.
@@ -34,7 +34,12 @@ def save_checkpoint(folder: Path, model: nn.Module, name: str, facts: dict[str, 
     part = folder / ".model.safetensors.part"
     save_file(weights, part)
     part.replace(folder / "model.safetensors")
-    config = {"format": FORMAT, "method": name, "config": asdict(model.config), "vocabulary": list(VOCAB.tokens)}  # type: ignore[call-overload]
+    config = {
+        "format": FORMAT,
+        "method": name,
+        "config": asdict(model.config),
+        "vocabulary": list(VOCAB.tokens),
+    }  # type: ignore[call-overload]
     (folder / "config.json").write_text(json.dumps({**config, "facts": facts}, indent=1) + "\n")
 
 
@@ -65,5 +70,7 @@ def load_weights(folder: Path, model: Model) -> Model:
         weights = {key: value.float() for key, value in load_file(folder / "model.safetensors").items()}
         model.load_state_dict(weights)
     except (OSError, RuntimeError) as error:
-        raise CheckpointError(f"{folder}: the weights do not fit: {' '.join(str(error).split())[:200]}") from None
+        raise CheckpointError(
+            f"{folder}: the weights do not fit: {' '.join(str(error).split())[:200]}"
+        ) from None
     return model.eval()

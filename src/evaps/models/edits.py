@@ -1,6 +1,6 @@
 """Edits of a program, token by token: what to learn, and how to decode them so that what comes out parses.
 
-Each token is replaced (by itself: kept) or deleted, and behind each token up to ``SLOTS`` tokens are inserted.
+Each token is replaced (by itself: kept) or deleted, and behind each up to ``SLOTS`` tokens are inserted.
 """
 
 from __future__ import annotations

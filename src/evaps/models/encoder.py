@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 from jaxtyping import Bool, Float, Int, UInt8
@@ -12,7 +13,7 @@ from torch.nn import functional as F
 
 @dataclass(frozen=True)
 class EncoderConfig:
-    """Sizes of the encoder; the channels are those of Sun et al. (2018), the rest is this project's choice."""
+    """Sizes of the encoder; the channels are those of Sun et al. (2018), the rest is our choice."""
 
     channels: tuple[int, ...] = (16, 32, 48, 48, 48)
     """Of the 3x3 convolutions with stride 2."""
@@ -44,7 +45,7 @@ class Encoder(nn.Module):
         self.config = config
         channels = (4, *config.channels)
         layers: list[nn.Module] = []
-        for before, after in zip(channels, channels[1:], strict=False):
+        for before, after in pairwise(channels):
             layers += [nn.Conv2d(before, after, 3, stride=2, padding=1), nn.ReLU()]
         self.convolutions = nn.Sequential(*layers)
         height, width = config.height, config.width

@@ -87,7 +87,7 @@ class Batch:
 
 
 class Evaps(Repairer):
-    """Per token a representation ``x_s = [h'_s | O'_s]`` (Eq. 6), a decoder over the tokens, late max-pool over pairs.
+    """Per token ``x_s = [h'_s | O'_s]`` (Eq. 6), a decoder over the tokens, late max-pool over pairs.
 
     The decoder is a bidirectional LSTM over the token representations of one pair (this project's choice).
     """
@@ -95,7 +95,7 @@ class Evaps(Repairer):
     name: ClassVar[str] = "evaps"
     Config: ClassVar[type] = EvapsConfig
 
-    def __init__(self, config: EvapsConfig = EvapsConfig()) -> None:  # noqa: B008 (frozen)
+    def __init__(self, config: EvapsConfig = EvapsConfig()) -> None:
         super().__init__()
         self.config = config
         size = config.hidden
@@ -104,7 +104,9 @@ class Evaps(Repairer):
         self.token_type = nn.Embedding(len(TOKEN_TYPES), size, padding_idx=0)
         layer = (size, size // config.heads, config.heads)
         graph_layers = config.graph_layers if config.graph else 0
-        self.graph = nn.ModuleList(GATv2Conv(*layer, negative_slope=config.slope) for _ in range(graph_layers))
+        self.graph = nn.ModuleList(
+            GATv2Conv(*layer, negative_slope=config.slope) for _ in range(graph_layers)
+        )
         views = (1 + config.goal) * config.pair
         self.segment = nn.Linear(views, size) if config.observations else None
         self.never = nn.Parameter(torch.zeros(size))  # stands for what a segment that never ran saw
@@ -134,7 +136,7 @@ class Evaps(Repairer):
         self, batch: Batch, table: Float[Tensor, "row feature"]
     ) -> Float[Tensor, "batch pair time part"]:
         """``x_s``: for each pair and token, the graph's, the segment's and the goal's part, side by side."""
-        programs, time = batch.tokens.shape
+        time = batch.tokens.shape[1]
         pairs = batch.goal.shape[1]
         parts = [self._symbols(batch)[:, None].expand(-1, pairs, -1, -1)]
         if self.segment is not None:
@@ -152,7 +154,7 @@ class Evaps(Repairer):
         return flat.unflatten(0, h.shape[:2])
 
     def _observations(self, batch: Batch, table: Tensor) -> Float[Tensor, "segment pair hidden"]:
-        """``O'_s``: what the robot saw before and after each segment (Eq. 1-3), and how that differs from the goal."""
+        """``O'_s``: what the robot saw before and after each segment (Eq. 1-3), and what the goal lacks."""
         assert self.segment is not None
         before, after = table[batch.before.clamp(min=0)], table[batch.after.clamp(min=0)]
         views = [self.pair(before, after)]
@@ -176,7 +178,7 @@ class Evaps(Repairer):
         targets: Sequence[Program],
         table: Float[Tensor, "row feature"],
     ) -> Float[Tensor, ""]:
-        """Cross-entropy of the Levenshtein edits, a mean over the tokens of each program, then over programs."""
+        """Cross-entropy of the Levenshtein edits, a mean over a program's tokens, then over programs."""
         batch = Batch.of(executions, table.device)
         replace, insert = self(batch, table)
         wanted = [edit_targets(e.program, target) for e, target in zip(executions, targets, strict=True)]

@@ -52,7 +52,7 @@ class LGRL(Synthesizer):
     name: ClassVar[str] = "lgrl"
     Config: ClassVar[type] = LGRLConfig
 
-    def __init__(self, config: LGRLConfig = LGRLConfig()) -> None:  # noqa: B008 (frozen)
+    def __init__(self, config: LGRLConfig = LGRLConfig()) -> None:
         super().__init__()
         self.config = config
         self.pair = PairEmbedding(config.feature, config.pair)
@@ -71,9 +71,8 @@ class LGRL(Synthesizer):
         """One token further; see :meth:`Synthesizer.step`."""
         if rows is not None:
             state = _select(state, rows)
-        batch, pairs, _ = state.pair.shape
         if tokens is None:
-            tokens = torch.zeros(batch, dtype=torch.long, device=state.pair.device)
+            tokens = torch.zeros(len(state.pair), dtype=torch.long, device=state.pair.device)
         logits, hidden = self._decode(state.pair, tokens[:, None], state.hidden)
         return logits[:, 0], LGRLState(state.pair, hidden)
 

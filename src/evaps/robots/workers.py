@@ -7,10 +7,11 @@ import os
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
-from evaps.robots.base import EngineError
+from evaps.robots.base import EngineError, Scene
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 
@@ -39,24 +40,59 @@ def robot_map(
         yield from ((item, _call(function, item, perceptions)) for item in items)
         return
     context = multiprocessing.get_context("spawn")  # torch and forks do not go together
-    started = context.Value("i", 0)
-    pool = ProcessPoolExecutor(workers, context, _start_worker, (started,))
+    started, stop = context.Value("i", 0), context.Event()
+    pool = ProcessPoolExecutor(workers, context, _start_worker, (started, stop))
     pending: dict[Future[Any], Item] = {}
     source = iter(items)
     try:
         while True:
             while len(pending) < 2 * workers and (item := next(source, None)) is not None:
-                pending[pool.submit(_call, function, item, perceptions)] = item
+                with _interrupts_blocked():
+                    future = pool.submit(_call, function, item, perceptions)
+                pending[future] = item
             if not pending:
                 return
             for future in wait(pending, return_when=FIRST_COMPLETED).done:
                 yield pending.pop(future), future.result()
     finally:
+        stop.set()  # an item may take minutes, and nobody waits for it any more
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _start_worker(started: Any) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Processes that start in here never see Ctrl-C: it is this one's to handle, when it comes out."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Stopped(Exception):  # noqa: N818 - nothing is wrong
+    """Nobody waits for what this worker does."""
+
+
+class _WorkerRobot(DoomRobot):
+    """Ends the item under way soon after the parent has stopped waiting."""
+
+    stop: ClassVar[Any] = None  # an event; None where the work is done in the parent itself
+
+    def reset(self, scene: Scene) -> None:
+        self._check()
+        super().reset(scene)
+
+    def act(self, action: str) -> None:
+        self._check()
+        super().act(action)
+
+    def _check(self) -> None:
+        if self.stop is not None and self.stop.is_set():
+            raise _Stopped
+
+
+def _start_worker(started: Any, stop: Any) -> None:
+    _WorkerRobot.stop = stop
     with started.get_lock():
         number = started.value
         started.value += 1
@@ -67,7 +103,7 @@ def _start_worker(started: Any) -> None:
 
 @cache
 def _robot(perceptions: tuple[str, ...]) -> MemoRobot:
-    return MemoRobot(DoomRobot(), perceptions)
+    return MemoRobot(_WorkerRobot(), perceptions)
 
 
 def _call(function: Callable[[MemoRobot, Item], Result], item: Item, perceptions: tuple[str, ...]) -> Result:

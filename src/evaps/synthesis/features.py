@@ -60,10 +60,14 @@ def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> np.ndarray
     if not path.exists():
         out = np.empty((len(dataset), 6, 2, encoder.config.feature), np.float16)
         frames = dataset.frames(range(len(dataset)))
-        for tasks in track(iter(lambda: list(islice(frames, 10)), []), len(dataset), "features of tasks", 0, 10):
+        for tasks in track(
+            iter(lambda: list(islice(frames, 10)), []), len(dataset), "features of tasks", 0, 10
+        ):
             observations = [unpack_frame(f) for _, first, last in tasks for f in (*first, *last)]
             embedded = embed(encoder, observations).cpu().numpy()
-            out[[position for position, _, _ in tasks]] = embedded.reshape(-1, 2, 6, out.shape[-1]).swapaxes(1, 2)
+            out[[position for position, _, _ in tasks]] = embedded.reshape(-1, 2, 6, out.shape[-1]).swapaxes(
+                1, 2
+            )
         part = path.with_suffix(".part.npy")
         np.save(part, out)
         part.replace(path)

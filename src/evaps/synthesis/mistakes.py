@@ -52,7 +52,7 @@ class MistakePart:
         encoder: folder of the encoder's checkpoint.
         rows: the tasks, as in :attr:`Dataset.rows`.
         goals: their goal frames, packed.
-        failures: for each task, programs of the synthesizer (stage 2); those that turn out right are left out.
+        failures: for each task, programs of the synthesizer (stage 2); those that are right are left out.
         mutations: how many mutations of each gold program are run (stage 1).
         seed: of the mutations.
     """
@@ -121,7 +121,7 @@ def generate_mistakes(
     seed: int,
     workers: int,
 ) -> list[Path]:
-    """Run wrong programs on tasks of a data set, or go on where it was interrupted; the files that hold them."""
+    """Run wrong programs on tasks of a data set, or go on with it; the files that hold them."""
     parts = []
     for number, start in enumerate(range(0, len(positions), TASKS)):
         chosen = positions[start : start + TASKS]
@@ -129,7 +129,9 @@ def generate_mistakes(
         goals = {} if path.exists() else {p: last for p, _, last in dataset.frames(chosen)}
         rows = [dataset.rows[p] for p in chosen]
         wrong = [failures.get(p, []) for p in chosen]
-        parts.append(MistakePart(path, encoder, rows, [goals.get(p, []) for p in chosen], wrong, mutations, seed))
+        parts.append(
+            MistakePart(path, encoder, rows, [goals.get(p, []) for p in chosen], wrong, mutations, seed)
+        )
     missing = [part for part in parts if not part.path.exists()]
     done = (len(parts) - len(missing)) * TASKS
     results = robot_map(make_mistakes, missing, workers, PERCEPTION_KEYS)

@@ -21,7 +21,9 @@ ROUNDS = 5
 BEAM = 32  # Bunel et al. decode with 64; on two cores half of it must do
 
 
-def propose(model: Model, table: FeatureTable, task: Task, robot: MemoRobot, beam: int = BEAM) -> list[Proposal]:
+def propose(
+    model: Model, table: FeatureTable, task: Task, robot: MemoRobot, beam: int = BEAM
+) -> list[Proposal]:
     """The synthesizer's programs for a task, most probable first."""
     firsts = []
     for example in task.examples:

@@ -18,7 +18,7 @@ class Attempt:
     Attributes:
         program: what was run.
         traces: what happened, a trace for each example.
-        passed: for each example, whether the run halted and its last observation equals the goal (frame match).
+        passed: for each example, whether the run halted and its last view equals the goal (frame match).
     """
 
     program: Program
@@ -111,12 +111,15 @@ def attempt(program: Program, task: Task, robot: Robot) -> Attempt:
         robot.reset(example.scene)
         traces.append(run(program, robot))
     goals = [example.goal for example in task.examples]
-    passed = tuple(t.halted and frame_match(t.observations[-1], g) for t, g in zip(traces, goals, strict=True))
+    passed = tuple(
+        t.halted and frame_match(t.observations[-1], g) for t, g in zip(traces, goals, strict=True)
+    )
     return Attempt(program, tuple(traces), passed)
 
 
 def best_first(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
     """By pairs passed, then in the synthesizer's order; equal programs once."""
-    seen: set[Program] = set()
-    ordered = sorted(candidates, key=lambda c: (-c.final.pairs_passed, c.rank))
-    return tuple(c for c in ordered if c.program not in seen and not seen.add(c.program))  # type: ignore[func-returns-value]
+    first: dict[Program, Candidate] = {}
+    for candidate in sorted(candidates, key=lambda c: (-c.final.pairs_passed, c.rank)):
+        first.setdefault(candidate.program, candidate)
+    return tuple(first.values())

@@ -7,7 +7,7 @@ import itertools
 import json
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -96,7 +96,7 @@ class Part:
     folder: Path
     seed: int
     number: int
-    config: SamplerConfig = SamplerConfig()
+    config: SamplerConfig = field(default_factory=SamplerConfig)
 
     @property
     def tasks(self) -> Path:

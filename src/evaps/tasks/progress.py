@@ -30,7 +30,12 @@ def track(items: Iterable[T], total: int, what: str, done: int = 0, per_item: in
 
 def _bar(items: Iterable[T], total: int, what: str, done: int, per_item: int) -> Iterator[T]:
     start, before = time.monotonic(), done
-    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")]
+    columns = [
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+    ]
     with Progress(*columns, TimeRemainingColumn(), console=CONSOLE) as progress:
         bar = progress.add_task(what, total=total, completed=done, rate="")
         for item in items:

@@ -1,4 +1,4 @@
-"""Random walks: what the observation encoder learns from first, since they cost almost nothing to simulate."""
+"""Random walks: what the encoder learns from first, since they cost almost nothing to simulate."""
 
 from __future__ import annotations
 

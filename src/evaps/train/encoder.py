@@ -87,11 +87,13 @@ class WalkBatches:
 def drop_pixels(frames: Tensor) -> Tensor:
     """Augmentation: in half of the frames a random share of the pixels is invalid, 0 in every channel."""
     share = torch.rand(len(frames), 1, 1, 1) * MOST_NOISE * (torch.rand(len(frames), 1, 1, 1) < 0.5)
-    kept = torch.rand(frames.shape[:3]) [..., None] >= share
+    kept = torch.rand(frames.shape[:3])[..., None] >= share
     return frames * kept.to(torch.uint8).to(frames.device)
 
 
-def encoder_loss(model: TransitionModel, batches: WalkBatches) -> Callable[[int], tuple[Tensor, dict[str, float]]]:
+def encoder_loss(
+    model: TransitionModel, batches: WalkBatches
+) -> Callable[[int], tuple[Tensor, dict[str, float]]]:
     """The loss of each step."""
     thread = ThreadPoolExecutor(1)
     ahead: dict[int, Any] = {}

@@ -117,7 +117,12 @@ def _save(
     folder: Path, model: nn.Module, optimizer: torch.optim.Adam, step: int, metrics: dict[str, float]
 ) -> None:
     part = folder / ".state.part"
-    state = {"model": model.state_dict(), "optimizer": optimizer.state_dict(), "step": step, "metrics": metrics}
+    state = {
+        "model": model.state_dict(),
+        "optimizer": optimizer.state_dict(),
+        "step": step,
+        "metrics": metrics,
+    }
     torch.save(state, part)
     part.replace(folder / "state.pt")
 

@@ -115,7 +115,9 @@ class _Run:
         def loss_at(step: int) -> tuple[Tensor, dict[str, float]]:
             positions = [train[i] for i in rows_at(step)]
             rng = np.random.default_rng([self.seed, 3, step])
-            held_out = rng.permuted(np.tile(np.arange(6), (len(positions), 1)), axis=1)[:, :5]  # the pair left out rotates
+            held_out = rng.permuted(np.tile(np.arange(6), (len(positions), 1)), axis=1)[
+                :, :5
+            ]  # the pair left out rotates
             return loss_of(positions, held_out), {}
 
         def validate() -> dict[str, float]:
@@ -145,7 +147,10 @@ class _Run:
             return mistake_loss(model, train, chosen, table), {}
 
         def validate() -> dict[str, float]:
-            return {"loss": _mean_loss(model, held, held_table), "exact": _exact_repairs(model, held, held_table)}
+            return {
+                "loss": _mean_loss(model, held, held_table),
+                "exact": _exact_repairs(model, held, held_table),
+            }
 
         metrics = fit(model, loss_at, config, self.out / model.name, validate, 500)
         return self._save(model, model.name, config, metrics)
@@ -157,7 +162,9 @@ class _Run:
     @cached_property
     def _features(self) -> np.ndarray[Any, np.dtype[np.float16]]:
         """Of every example's first and last observation, ``[task, pair, 2, feature]``."""
-        return dataset_features(self.dataset, load_encoder(self.out / "encoder").to(device()), self._encoder_hash)
+        return dataset_features(
+            self.dataset, load_encoder(self.out / "encoder").to(device()), self._encoder_hash
+        )
 
     @cached_property
     def _encoder_hash(self) -> str:
@@ -165,9 +172,10 @@ class _Run:
         return hashlib.sha256(weights).hexdigest()[:12]
 
     def _start_from_pairs(self, model: torch.nn.Module) -> None:
-        """The embedding of pairs starts from stage 0's, which has seen far more of them than there are tasks."""
+        """The embedding of pairs starts from stage 0's, which has seen far more pairs than there are."""
         path = self.out / "pair" / "model.safetensors"
-        model.pair.load_state_dict({key: value.float() for key, value in load_file(path).items()})  # type: ignore[operator, union-attr]
+        weights = {key: value.float() for key, value in load_file(path).items()}
+        model.get_submodule("pair").load_state_dict(weights)
 
     def _beam(self, model: Synthesizer, positions: Sequence[int], beam: int) -> list[list[Program]]:
         """The synthesizer's programs for tasks of the data set, from their five specification examples."""
@@ -241,10 +249,26 @@ def grammar_masks(tokens: Sequence[int]) -> np.ndarray[Any, np.dtype[np.bool_]]:
 def mistake_loss(model: Repairer, mistakes: Mistakes, rows: Sequence[int], table: Tensor) -> Tensor:
     """The repairer's loss on the chosen mistakes; only the embeddings that they use are taken along."""
     executions = [mistakes.executions[i] for i in rows]
-    used = np.unique(np.concatenate([[0], *(np.concatenate([e.before.ravel(), e.after.ravel(), e.first, e.final, e.goal]) for e in executions)]))
+    used = np.unique(
+        np.concatenate(
+            [
+                [0],
+                *(
+                    np.concatenate([e.before.ravel(), e.after.ravel(), e.first, e.final, e.goal])
+                    for e in executions
+                ),
+            ]
+        )
+    )
     used = used[used >= 0]
     small = [
-        replace(e, **{key: _renumbered(getattr(e, key), used) for key in ("before", "after", "first", "final", "goal")})
+        replace(
+            e,
+            **{
+                key: _renumbered(getattr(e, key), used)
+                for key in ("before", "after", "first", "final", "goal")
+            },
+        )
         for e in executions
     ]
     targets = [mistakes.targets[i] for i in rows]
@@ -271,8 +295,9 @@ def _exact_repairs(model: Repairer, mistakes: Mistakes, table: Tensor) -> float:
 def git_commit() -> str:
     """The commit of the code that runs, if it runs from a checkout."""
     try:
-        out = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, cwd=Path(__file__).parent)
+        out = subprocess.run(
+            ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, cwd=Path(__file__).parent
+        )
     except OSError:
         return "unknown"
     return out.stdout.strip() or "unknown"
-

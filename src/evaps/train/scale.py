@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Scale:
-    """Sizes of a training run. Learning rates are higher than the baselines' own, which are for 70,000 tasks."""
+    """How much data and training."""
 
     tasks: int
     """Tasks in the data set, all splits together."""
