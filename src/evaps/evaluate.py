@@ -204,8 +204,8 @@ def top_k_matches(rows: Path, method: str, metric: str, k: int) -> dict[int, boo
     """For each task, whether any of the method's first ``k`` candidates matches."""
     table = pq.read_table(rows, filters=[("method", "=", method), ("rank", "<", k)])
     found: dict[int, bool] = {}
-    for task, ok in zip(table["task"].to_pylist(), table[metric].to_pylist(), strict=True):
-        found[task] = found.get(task, False) or ok
+    for row in table.select(["task", metric]).to_pylist():
+        found[row["task"]] = found.get(row["task"], False) or row[metric]
     return found
 
 

@@ -25,7 +25,8 @@ class Element:
     def all(self, tag, of_class=None):
         for part in self.inner:
             if isinstance(part, Element):
-                if part.tag == tag and (of_class is None or of_class in part.attributes.get("class", "").split()):
+                classes = part.attributes.get("class", "").split()
+                if part.tag == tag and (of_class is None or of_class in classes):
                     yield part
                 yield from part.all(tag, of_class)
 

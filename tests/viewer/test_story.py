@@ -1,5 +1,3 @@
-import numpy as np
-
 from evaps.dsl import Program, run
 from evaps.viewer.highlight import python_spans
 from evaps.viewer.story import line_views, rounds, steps, telling_example
@@ -25,7 +23,23 @@ def traced(text):
     return run(Program.parse(text), Counter())
 
 
-LOOP = "DEF run m( IF c( ISTHERE Demon c) i( ATTACK i) WHILE c( not c( INTARGET Demon c) c) w( TURN_LEFT w) m)"
+LOOP = """
+def run():
+    if is_there(Demon):
+        attack()
+    while not in_target(Demon):
+        turn_left()
+"""
+BRANCHES = """
+def run():
+    if not is_there(Demon):
+        attack()
+    else:
+        if not is_there(Demon):
+            attack()
+    for _ in range(2):
+        move_left()
+"""
 
 
 def test_steps_name_actions_and_conditions():
@@ -44,9 +58,7 @@ def test_line_views_are_those_around_the_segments():
 
 
 def test_lines_that_never_ran_and_lines_without_an_action():
-    trace = traced("DEF run m( IFELSE c( not c( ISTHERE Demon c) c) i( ATTACK i) ELSE e( IF c( not c( "
-                   "ISTHERE Demon c) c) i( ATTACK i) e) REPEAT R=2 r( MOVE_LEFT r) m)")  # fmt: skip
-    views = {v.text.strip(): v for v in line_views(trace)}
+    views = {v.text.strip(): v for v in line_views(traced(BRANCHES))}
     assert not views["else:"].starts
     assert views["attack()"].before is None
     assert not views["if not is_there(Demon):"].changed
@@ -74,4 +86,4 @@ def test_spans_keep_the_line_and_know_its_words():
     assert [kind for kind, _ in python_spans(line)] == [
         "", "control", "", "control", "", "perception", "bracket", "constant", "bracket",
     ]  # fmt: skip
-    assert np.all([kind != "control" for kind, _ in python_spans("move_left()")])
+    assert [kind for kind, _ in python_spans("move_left()")] == ["action", "bracket"]

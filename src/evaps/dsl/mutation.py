@@ -47,7 +47,7 @@ def _rewrite(body: Body, index: int, change: Callable[[Statement], Body], at: in
                 inner, at = _rewrite(inner, index, change, at)
                 if inner is None:
                     return None, at
-                statement = replace(statement, **{block: inner})
+                statement = replace(statement, **{block: inner})  # type: ignore[arg-type]
         out.append(statement)
     return (tuple(out) or None), at
 

@@ -68,6 +68,14 @@ class Execution:
     final: np.ndarray[Any, Any]
     goal: np.ndarray[Any, Any]
 
+    def rows(self) -> tuple[np.ndarray[Any, Any], ...]:
+        """All arrays of rows, in the order of the fields."""
+        return self.before, self.after, self.first, self.final, self.goal
+
+    def renumbered(self, used: np.ndarray[Any, Any]) -> Execution:
+        """The same for a table that has only the rows ``used``, which are sorted."""
+        return Execution(self.program, *(np.where(r < 0, -1, np.searchsorted(used, r)) for r in self.rows()))
+
 
 class Repairer(nn.Module, ABC):
     """Turns wrong programs and what happened when they ran into better ones."""

@@ -74,10 +74,11 @@ def fit(
     for step in track(range(start, config.steps), config.steps, folder.name, start):
         metrics_now = _step(model, optimizer, loss_at, config, step)
         last = step + 1 == config.steps
-        if (step + 1) % validate_every == 0 or last:
+        validated = (step + 1) % validate_every == 0 or last
+        if validated:
             metrics = _validated(model, validate)
             metrics_now |= metrics
-        if step % config.log_every == 0 or last or len(metrics_now) > 4:
+        if step % config.log_every == 0 or validated:
             _log(folder, {"step": step, **metrics_now})
         if time.monotonic() - saved > config.save_every or last:
             _save(folder, model, optimizer, step + 1, metrics)

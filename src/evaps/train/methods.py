@@ -6,8 +6,8 @@ import hashlib
 import os
 import subprocess
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -246,37 +246,14 @@ def grammar_masks(tokens: Sequence[int]) -> np.ndarray[Any, np.dtype[np.bool_]]:
     return np.stack(masks)
 
 
-def mistake_loss(model: Repairer, mistakes: Mistakes, rows: Sequence[int], table: Tensor) -> Tensor:
+def mistake_loss(model: Repairer, mistakes: Mistakes, rows: Iterable[int], table: Tensor) -> Tensor:
     """The repairer's loss on the chosen mistakes; only the embeddings that they use are taken along."""
     executions = [mistakes.executions[i] for i in rows]
-    used = np.unique(
-        np.concatenate(
-            [
-                [0],
-                *(
-                    np.concatenate([e.before.ravel(), e.after.ravel(), e.first, e.final, e.goal])
-                    for e in executions
-                ),
-            ]
-        )
-    )
+    used = np.unique(np.concatenate([rows.ravel() for e in executions for rows in e.rows()]))
     used = used[used >= 0]
-    small = [
-        replace(
-            e,
-            **{
-                key: _renumbered(getattr(e, key), used)
-                for key in ("before", "after", "first", "final", "goal")
-            },
-        )
-        for e in executions
-    ]
+    small = [e.renumbered(used) for e in executions]
     targets = [mistakes.targets[i] for i in rows]
     return model.loss(small, targets, table[torch.from_numpy(used).to(table.device)].float())
-
-
-def _renumbered(rows: np.ndarray[Any, Any], used: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    return np.where(rows < 0, -1, np.searchsorted(used, rows))
 
 
 def _mean_loss(model: Repairer, mistakes: Mistakes, table: Tensor) -> float:

@@ -13,9 +13,7 @@ _KIND_OF_TERMINAL = {
     "THING": "constant",
     "TIMES": "constant",
 }
-_KINDS = {
-    word: kind for terminal, kind in _KIND_OF_TERMINAL.items() for word in PYTHON_FORM.words[terminal]
-}
+_KINDS = {word: kind for terminal, kind in _KIND_OF_TERMINAL.items() for word in PYTHON_FORM.words[terminal]}
 
 
 def python_spans(line: str) -> Iterator[tuple[str, str]]:

@@ -39,7 +39,8 @@ def render_page(reports: Sequence[TaskReport]) -> str:
     Args:
         reports: the tasks, in the order in which they are shown.
     """
-    return _environment().get_template("page.html").render(
+    template = _environment().get_template("page.html")
+    return template.render(
         reports=reports,
         pictures=Pictures(),  # the template shows pictures; those that it has shown stand at the page's end
         most_examples=max((len(r.task.examples) for r in reports), default=0),

@@ -67,7 +67,7 @@ def _changes(edits: Iterable[Edit]) -> Iterator[Change]:
 
 @dataclass(frozen=True)
 class Check:
-    """A condition that was evaluated: the line that it heads, such as ``if is_there(Demon)``, and its value."""
+    """An evaluated condition: the line that it stands in, such as ``if is_there(Demon)``, and its value."""
 
     text: str
     value: bool

@@ -48,10 +48,11 @@ def show_solution(console: Console, report: TaskReport) -> None:
 def _verdict(report: TaskReport) -> Text:
     solution = report.solution
     best = solution.candidates[0]
-    text = Text("solved" if solution.solved else "not solved", "bold green" if solution.solved else "bold red")
-    text.append(f"  {_pairs(best.final)} pairs", "default not bold")
+    verdict = ("solved", "bold green") if solution.solved else ("not solved", "bold red")
+    text = Text.assemble(verdict)
+    text.append(f"  {_pairs(best.final)} pairs")
     facts = f"  {best.origin}, {solution.seconds:.1f} s, {solution.simulated_actions} simulated actions"
-    return text.append(facts, "default not bold dim")
+    return text.append(facts, "dim")
 
 
 def _pairs(attempt: Attempt) -> str:
