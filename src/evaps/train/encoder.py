@@ -14,8 +14,7 @@ from torch import Tensor
 
 from evaps.models.compute import device
 from evaps.models.encoder import TransitionModel, Transitions
-from evaps.robots.doom import doom_palette
-from evaps.tasks.frames import unpack_frame
+from evaps.tasks.frames import rgbd, unpack_frame
 from evaps.tasks.walks import Walks
 
 HELD_OUT = 250  # walks that are only validated on
@@ -72,23 +71,22 @@ class WalkBatches:
         rng = np.random.default_rng([self.seed, step])
         return rng.integers(HELD_OUT, len(self.walks.frames), self.size)
 
+    def noisy_frames(self, step: int) -> Tensor:
+        """The frames of a step, with dropped pixels."""
+        return drop_pixels(self.frames(self.at(step)), np.random.default_rng([self.seed, step, 1]))
+
     def frames(self, rows: npt.NDArray[np.int64]) -> Tensor:
         """Their frames, bytes ``[frame, height, width, 4]``."""
-        palette = doom_palette()
-        packed = [frame for row in rows for frame in self.walks.frames[row]]
-        first = unpack_frame(packed[0]).depth
-        out = np.empty((len(packed), *first.shape, 4), np.uint8)
-        for target, frame in zip(out, map(unpack_frame, packed), strict=True):
-            target[..., :3] = palette[frame.indices]
-            target[..., 3] = frame.depth
-        return torch.from_numpy(out)
+        return rgbd([unpack_frame(frame) for row in rows for frame in self.walks.frames[row]])
 
 
-def drop_pixels(frames: Tensor) -> Tensor:
-    """Augmentation: in half of the frames a random share of the pixels is invalid, 0 in every channel."""
-    share = torch.rand(len(frames), 1, 1, 1) * MOST_NOISE * (torch.rand(len(frames), 1, 1, 1) < 0.5)
-    kept = torch.rand(frames.shape[:3])[..., None] >= share
-    return frames * kept.to(torch.uint8).to(frames.device)
+def drop_pixels(frames: Tensor, rng: np.random.Generator) -> Tensor:
+    """Augmentation, in place: in half of the frames a random share of the pixels is 0 in every channel."""
+    chosen = rng.permutation(len(frames))[: len(frames) // 2]
+    share = rng.integers(0, int(256 * MOST_NOISE), (len(chosen), 1, 1))
+    kept = rng.integers(0, 256, (len(chosen), *frames.shape[1:3]), dtype=np.uint8) >= share
+    frames[chosen] *= torch.from_numpy(kept)[..., None].to(torch.uint8)
+    return frames
 
 
 def encoder_loss(
@@ -99,9 +97,9 @@ def encoder_loss(
     ahead: dict[int, Any] = {}
 
     def loss_at(step: int) -> tuple[Tensor, dict[str, float]]:
-        frames = ahead.pop(step).result() if step in ahead else batches.frames(batches.at(step))
-        ahead[step + 1] = thread.submit(lambda: batches.frames(batches.at(step + 1)))
-        return batch_loss(model, batches.walks, batches.at(step), drop_pixels(frames))
+        frames = ahead.pop(step).result() if step in ahead else batches.noisy_frames(step)
+        ahead[step + 1] = thread.submit(batches.noisy_frames, step + 1)
+        return batch_loss(model, batches.walks, batches.at(step), frames)
 
     return loss_at
 
