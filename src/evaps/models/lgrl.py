@@ -94,9 +94,9 @@ class LGRL(Synthesizer):
     ) -> tuple[Float[Tensor, "batch time vocab"], tuple[Tensor, Tensor]]:
         batch, pairs, _ = pair.shape
         time = tokens.shape[1]
-        embedded = self.embedding(tokens)[:, None].expand(-1, pairs, -1, -1)
-        inputs = torch.cat([embedded, pair[:, :, None].expand(-1, -1, time, -1)], -1)
-        outputs, hidden = self.lstm(self.dropout(inputs.flatten(0, 1)), hidden)
+        embedded = self.dropout(self.embedding(tokens))[:, None].expand(-1, pairs, -1, -1)
+        given = self.dropout(pair)[:, :, None].expand(-1, -1, time, -1)
+        outputs, hidden = self.lstm(torch.cat([embedded, given], -1).flatten(0, 1), hidden)
         pooled = outputs.unflatten(0, (batch, pairs)).amax(1)
         return self.output(self.dropout(pooled)), hidden
 
