@@ -1,0 +1,70 @@
+"""The training loop: interrupted anywhere, it goes on with the same result."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from evaps.train.batches import batch_at
+from evaps.train.loop import FitConfig, fit, rate_at
+
+CONFIG = FitConfig(steps=20, rate=1e-2, seed=3, warmup=4, log_every=5, save_every=0.0)
+
+
+def new_model() -> nn.Module:
+    torch.manual_seed(0)
+    return nn.Sequential(nn.Linear(4, 8), nn.Dropout(0.5), nn.Linear(8, 1))
+
+
+def train(model: nn.Module, folder: Path, stop_at: int | None = None) -> dict[str, float]:
+    def loss_at(step: int) -> tuple[Tensor, dict[str, float]]:
+        if step == stop_at:
+            raise KeyboardInterrupt
+        x = torch.from_numpy(np.random.default_rng(step).normal(size=(16, 4)).astype(np.float32))
+        return F.mse_loss(model(x), x.sum(1, keepdim=True)), {}
+
+    return fit(model, loss_at, CONFIG, folder, lambda: {"loss": 1.0}, validate_every=10)
+
+
+@pytest.mark.parametrize("stop_at", [1, 7, 19])
+def test_an_interrupted_run_ends_where_a_whole_one_does(tmp_path: Path, stop_at: int) -> None:
+    whole, broken = new_model(), new_model()
+    train(whole, tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        train(broken, tmp_path / "broken", stop_at)
+    resumed = new_model()
+    metrics = train(resumed, tmp_path / "broken")
+    assert metrics == {"validation_loss": 1.0}
+    for a, b in zip(whole.parameters(), resumed.parameters(), strict=True):
+        assert torch.equal(a, b)
+
+
+def test_metrics_are_logged_as_json_lines(tmp_path: Path) -> None:
+    train(new_model(), tmp_path)
+    rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
+    assert [row["step"] for row in rows] == [0, 5, 9, 10, 15, 19]
+    assert "validation_loss" in rows[-1]
+    assert rows[-1]["loss"] < rows[0]["loss"] * 2
+
+
+def test_the_rate_rises_and_falls() -> None:
+    rates = [rate_at(step, CONFIG) for step in range(CONFIG.steps)]
+    assert max(rates) <= CONFIG.rate
+    assert rates.index(max(rates)) in (3, 4)
+    assert rates[-1] < 0.05 * CONFIG.rate
+
+
+def test_an_epoch_has_every_row_once_and_like_lengths_together() -> None:
+    lengths = np.random.default_rng(0).integers(5, 33, 640).tolist()
+    at = batch_at(lengths, 32, seed=1)
+    epochs = [np.concatenate([at(step) for step in range(e * 20, e * 20 + 20)]) for e in range(2)]
+    for epoch in epochs:
+        assert sorted(epoch) == list(range(640))
+    assert not np.array_equal(*epochs)
+    spread = np.mean([np.ptp(np.array(lengths)[at(step)]) for step in range(20)])
+    assert spread < 6
+    assert np.array_equal(at(7), batch_at(lengths, 32, seed=1)(7))
