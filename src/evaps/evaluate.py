@@ -22,11 +22,12 @@ from evaps.models.checkpoint import read_config
 from evaps.robots.base import frame_match, state_match
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import robot_map
-from evaps.synthesis.repair import synthesize_with
+from evaps.synthesis.features import FeatureTable
+from evaps.synthesis.repair import Meter, repair_all, run_proposals
 from evaps.synthesis.solution import Solution
 from evaps.tasks.dataset import Dataset, gold_task, write_table
 from evaps.tasks.progress import track
-from evaps.tasks.task import EXAMPLES, GoldTask
+from evaps.tasks.task import EXAMPLES, GoldTask, Task
 
 PART = 25  # tasks in a part
 
@@ -96,19 +97,27 @@ def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> None:
     rows: list[dict[str, Any]] = []
     for row, goals in zip(part.rows, part.goals, strict=True):
         gold = gold_task(row, goals)
-        for method in part.methods:
-            robot.forget()
-            solution = synthesize_with(_model(part.model, method), gold.task, robot, part.top_k, part.rounds)
+        robot.forget()
+        for method, solution in _solutions(part, gold.task, robot):
             rows += _rows(solution, gold, robot, _facts(part.model, method))
     write_table(part.path, rows, SCHEMA)
 
 
+def _solutions(part: EvaluationPart, task: Task, robot: MemoRobot) -> list[tuple[str, Solution]]:
+    """LGRL's candidates, and the same candidates repaired; judged only when all are there."""
+    model = _model(part.model)
+    meter, table = Meter(robot), FeatureTable(model.encoder)
+    chains = run_proposals(model, task, robot, table, part.top_k)
+    found = [("lgrl", meter.solution(task, chains, ["lgrl"]))]
+    if "evaps" in part.methods and model.repairer is not None:
+        repair_all(model.repairer, chains, task, table, robot, part.rounds)
+        found.append(("evaps", meter.solution(task, chains, ["lgrl", "evaps"])))
+    return [(method, solution) for method, solution in found if method in part.methods]
+
+
 @cache
-def _model(folder: str, method: str) -> Model:
-    """The model whose row this is: a synthesizer alone, or LGRL's candidates and a repairer."""
-    if method == "evaps":
-        return load_model(folder, repairer=method)
-    return load_model(folder, synthesizer=method, repairer=None)
+def _model(folder: str) -> Model:
+    return load_model(folder)
 
 
 @cache

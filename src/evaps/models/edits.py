@@ -18,7 +18,7 @@ from evaps.dsl.alignment import align
 SLOTS = 8  # the paper inserts nothing or says nothing about it; a whole `IF c( ... c) i(` fits into 8
 DELETE = NOTHING = 0  # <pad> is no token of any program, so its id says: no token here
 MAX_TOKENS = 32
-_PRUNE = 8.0  # options that are e^8 times less likely than the best one are not looked at
+_PRUNE = 6.0  # options that are e^6 times less likely than the best one are not looked at
 
 Scores = NDArray[np.float32]
 
@@ -72,7 +72,7 @@ def decode_edits(replace: Scores, insert: Scores, beam: int) -> Iterator[Program
     for token_scores, slot_scores in zip(replace, insert, strict=True):
         options = _options(token_scores)
         live = _best((new for old in live for new in _replaced(old, options)), beam)
-        live = _inserted(live, [_options(scores) for scores in slot_scores], beam)
+        live = _inserted(live, slot_scores, beam)
     for hypothesis in sorted(live, key=lambda h: -h.score):
         if hypothesis.grammar.finished:
             yield Program.from_tokens(VOCAB.decode(hypothesis.tokens))
@@ -90,17 +90,19 @@ def _replaced(old: _Edited, options: Sequence[tuple[int, float]]) -> Iterator[_E
             yield new
 
 
-def _inserted(live: list[_Edited], slots: list[list[tuple[int, float]]], beam: int) -> list[_Edited]:
+def _inserted(live: list[_Edited], slots: Scores, beam: int) -> list[_Edited]:
     """All that can stand in a gap: tokens in the first slots, then nothing."""
+    rest = slots[::-1, NOTHING].cumsum()[::-1]  # of nothing in this slot and in all behind it
     closed: list[_Edited] = []
-    for i, options in enumerate(slots):
-        rest = sum(dict(later).get(NOTHING, -_PRUNE) for later in slots[i:])
-        closed += [h.scored(rest) for h in live]
-        tokens = [(token, score) for token, score in options if token != NOTHING]
-        live = _best((new for old in live for new in _replaced(old, tokens)), beam)
-        if not live:
+    for scores, nothing in zip(slots, rest, strict=True):
+        closed += [h.scored(float(nothing)) for h in live]
+        tokens = [option for option in _options(scores) if option[0] != NOTHING]
+        if not tokens:
             break
-    return _best(iter(closed + live), beam)
+        live = _best((new for old in live for new in _replaced(old, tokens)), beam)
+    else:
+        closed += live
+    return _best(iter(closed), beam) if len(closed) > beam else closed
 
 
 def _best(hypotheses: Iterator[_Edited], beam: int) -> list[_Edited]:

@@ -1,0 +1,65 @@
+"""Makes the task folders in examples/tasks: programs that people would want, scenes by seed.
+
+    python -m recipes.examples
+
+The programs stand here for everybody to see; they are not in the folders, and no method reads this file.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from evaps.dsl import Program
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.robots.doom import DoomRobot
+from evaps.robots.memo import MemoRobot
+from evaps.robots.scenes import random_scene
+from evaps.tasks.generate import choose_scenes
+from evaps.tasks.task import EXAMPLES, Example, Task, save_task
+
+FOLDER = Path("examples/tasks")
+SEED = 2023
+
+PROGRAMS = {
+    "advance-and-shoot": "def run():\n    move_forward()\n    attack()\n",
+    "look-around": "def run():\n    turn_left()\n    turn_left()\n    move_forward()\n",
+    "shoot-if-in-target": "def run():\n    move_forward()\n    if in_target(Demon):\n        attack()\n",
+    "sidestep-or-advance": (
+        "def run():\n    if is_there(Revenant):\n        move_left()\n    else:\n        move_forward()\n"
+        "    attack()\n"
+    ),
+    "retreat-from-demons": (
+        "def run():\n    if is_there(Demon):\n        move_backward()\n        move_backward()\n"
+        "    turn_right()\n"
+    ),
+    "turn-until-in-target": (
+        "def run():\n    while not in_target(HellKnight):\n        turn_left()\n    attack()\n"
+    ),
+}
+
+
+def make_task(name: str, program: Program, robot: MemoRobot) -> Task:
+    """A task of the program: the first scenes of the seed on which it halts and takes every branch."""
+    rng = np.random.default_rng(SEED)
+    while True:
+        runs = choose_scenes(program, [random_scene(rng) for _ in range(40)], robot)
+        if runs is not None:
+            examples = [Example(r.scene, r.trace.observations[-1]) for r in runs[:EXAMPLES]]
+            return Task(name, tuple(examples))
+
+
+def main() -> None:
+    """Make all task folders anew."""
+    robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS)
+    for name, text in PROGRAMS.items():
+        shutil.rmtree(FOLDER / name, ignore_errors=True)
+        save_task(make_task(name, Program.parse(text), robot), FOLDER / name)
+        robot.forget()
+    robot.close()
+
+
+if __name__ == "__main__":
+    main()

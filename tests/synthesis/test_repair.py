@@ -1,0 +1,116 @@
+"""The repair loop on the real engine, with a repairer that follows a script."""
+
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from evaps.dsl import Program, run
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.models.base import Execution, Repairer
+from evaps.models.encoder import Encoder, EncoderConfig
+from evaps.robots.doom import DoomRobot
+from evaps.robots.memo import MemoRobot
+from evaps.robots.scenes import random_scene
+from evaps.synthesis.features import FeatureTable
+from evaps.synthesis.repair import repair_all
+from evaps.synthesis.solution import Candidate, attempt, best_first
+from evaps.tasks.task import Example, Task
+
+GOLD = Program.parse("DEF run m( MOVE_FORWARD IF c( ISTHERE Demon c) i( TURN_LEFT i) MOVE_LEFT m)")
+CLOSE = Program.parse("DEF run m( MOVE_FORWARD TURN_LEFT MOVE_LEFT m)")
+WRONG = Program.parse("DEF run m( ATTACK REPEAT R=2 r( MOVE_LEFT r) m)")
+
+
+class Script(Repairer):
+    """Answers with the programs of a list, one after the other."""
+
+    name: ClassVar[str] = "script"
+
+    def __init__(self, programs: Sequence[Program | None]) -> None:
+        super().__init__()
+        self.programs = list(programs)
+        self.seen: list[list[Execution]] = []
+        self.tried: list[list[set[Program]]] = []
+
+    def repair(
+        self, executions: Sequence[Execution], table: Tensor, tried: Sequence[set[Program]]
+    ) -> list[Program | None]:
+        self.seen.append(list(executions))
+        self.tried.append(list(tried))
+        return [self.programs.pop(0) for _ in executions]
+
+    def loss(self, executions: object, targets: object, table: object) -> Tensor:
+        return torch.zeros(())
+
+
+@pytest.fixture(scope="module")
+def robot() -> Iterator[MemoRobot]:
+    robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS)
+    yield robot
+    robot.close()
+
+
+@pytest.fixture(scope="module")
+def task(robot: MemoRobot) -> Task:
+    rng, examples = np.random.default_rng(5), []
+    for scene in [random_scene(rng) for _ in range(5)]:
+        robot.reset(scene)
+        examples.append(Example(scene, run(GOLD, robot).observations[-1]))
+    return Task("scripted", tuple(examples))
+
+
+@pytest.fixture
+def table() -> FeatureTable:
+    torch.manual_seed(0)
+    return FeatureTable(Encoder(EncoderConfig()).eval())
+
+
+def test_it_repairs_until_all_pairs_pass(task: Task, robot: MemoRobot, table: FeatureTable) -> None:
+    chain = [attempt(WRONG, task, robot)]
+    assert not chain[0].solved
+    script = Script([CLOSE, GOLD, WRONG])
+    repair_all(script, [chain], task, table, robot)
+    assert [a.program for a in chain] == [WRONG, CLOSE, GOLD]
+    assert chain[-1].passed == (True,) * 5
+    assert script.tried == [[{WRONG}], [{WRONG, CLOSE}]]
+
+
+def test_it_stops_after_the_rounds_and_when_nothing_new_comes(
+    task: Task, robot: MemoRobot, table: FeatureTable
+) -> None:
+    right, stuck, slow = ([attempt(p, task, robot)] for p in (GOLD, WRONG, CLOSE))
+    script = Script([None, WRONG, CLOSE])
+    repair_all(script, [right, stuck, slow], task, table, robot, rounds=2)
+    assert [len(c) for c in (right, stuck, slow)] == [1, 1, 3]
+    assert [len(executions) for executions in script.seen] == [2, 1]
+
+
+def test_executions_say_what_was_seen_around_each_segment(
+    task: Task, robot: MemoRobot, table: FeatureTable
+) -> None:
+    tried = attempt(GOLD, task, robot)
+    (execution,) = table.executions([tried], task)
+    assert execution.before.shape == (5, len(GOLD.segments))
+    for pair, trace in enumerate(tried.traces):
+        rows = table.rows(trace.observations)
+        assert execution.before[pair, 0] == execution.first[pair] == rows[0]
+        assert execution.after[pair, 0] == execution.final[pair] == rows[-1]
+        executed = set(trace.segment_times)
+        assert {int(s) for s in np.flatnonzero(execution.before[pair] >= 0)} == executed
+        turned = next(s.index for s in GOLD.segments if "TURN_LEFT" in GOLD.tokens[s.start : s.start + 1])
+        assert (turned in executed) == ("TURN_LEFT" in trace.actions)
+    assert table.table.shape == (len({id(o) for o in table._held}), 256)
+
+
+def test_best_first_is_by_pairs_passed_then_by_rank(task: Task, robot: MemoRobot) -> None:
+    attempts = [attempt(p, task, robot) for p in (WRONG, CLOSE, GOLD, GOLD)]
+    candidates = [Candidate((a,), rank, "test") for rank, a in enumerate(attempts)]
+    ordered = best_first(candidates)
+    assert ordered[0].program == GOLD
+    assert len(ordered) == 3
+    passed = [c.final.pairs_passed for c in ordered]
+    assert passed == sorted(passed, reverse=True)
