@@ -27,7 +27,7 @@ def train(model: nn.Module, folder: Path, stop_at: int | None = None) -> dict[st
         x = torch.from_numpy(np.random.default_rng(step).normal(size=(16, 4)).astype(np.float32))
         return F.mse_loss(model(x), x.sum(1, keepdim=True)), {}
 
-    return fit(model, loss_at, CONFIG, folder, lambda: {"loss": 1.0}, validate_every=10)
+    return fit(model, loss_at, CONFIG, folder, lambda: {"score": 1.0}, validate_every=10, select="score")
 
 
 @pytest.mark.parametrize("stop_at", [1, 7, 19])
@@ -38,7 +38,7 @@ def test_an_interrupted_run_ends_where_a_whole_one_does(tmp_path: Path, stop_at:
         train(broken, tmp_path / "broken", stop_at)
     resumed = new_model()
     metrics = train(resumed, tmp_path / "broken")
-    assert metrics == {"validation_loss": 1.0}
+    assert metrics == {"best_step": 9, "validation_score": 1.0}
     for a, b in zip(whole.parameters(), resumed.parameters(), strict=True):
         assert torch.equal(a, b)
 
@@ -47,7 +47,7 @@ def test_metrics_are_logged_as_json_lines(tmp_path: Path) -> None:
     train(new_model(), tmp_path)
     rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
     assert [row["step"] for row in rows] == [0, 5, 9, 10, 15, 19]
-    assert "validation_loss" in rows[-1]
+    assert "validation_score" in rows[-1]
     assert rows[-1]["loss"] < rows[0]["loss"] * 2
 
 
@@ -68,3 +68,18 @@ def test_an_epoch_has_every_row_once_and_like_lengths_together() -> None:
     spread = np.mean([np.ptp(np.array(lengths)[at(step)]) for step in range(20)])
     assert spread < 6
     assert np.array_equal(at(7), batch_at(lengths, 32, seed=1)(7))
+
+
+def test_the_best_weights_are_kept(tmp_path: Path) -> None:
+    model, scores, seen = new_model(), iter([0.2, 0.9, 0.1, 0.3]), []
+
+    def validate() -> dict[str, float]:
+        seen.append([p.clone() for p in model.parameters()])
+        return {"score": next(scores)}
+
+    def loss_at(step: int) -> tuple[Tensor, dict[str, float]]:
+        return model(torch.ones(2, 4)).square().mean(), {}
+
+    metrics = fit(model, loss_at, CONFIG, tmp_path, validate, validate_every=5, select="score")
+    assert metrics == {"best_step": 9, "validation_score": 0.9}
+    assert all(torch.equal(a, b) for a, b in zip(model.parameters(), seen[1], strict=True))

@@ -53,6 +53,7 @@ def fit(
     folder: Path,
     validate: Callable[[], dict[str, float]],
     validate_every: int,
+    select: str,
 ) -> dict[str, float]:
     """Minimise ``loss_at(step)``; stopped at any moment, the same call goes on with the same result.
 
@@ -63,9 +64,10 @@ def fit(
         folder: gets ``state.pt`` (to go on from) and ``metrics.jsonl``.
         validate: metrics on held-out data.
         validate_every: steps between two validations; there is one more at the end.
+        select: which of these metrics should be high; the model ends with the weights of its best time.
 
     Returns:
-        the last validation's metrics.
+        the metrics of that time.
     """
     folder.mkdir(parents=True, exist_ok=True)
     optimizer = torch.optim.Adam(model.parameters(), lr=config.rate)
@@ -76,13 +78,17 @@ def fit(
         last = step + 1 == config.steps
         validated = (step + 1) % validate_every == 0 or last
         if validated:
-            metrics = _validated(model, validate)
-            metrics_now |= metrics
+            found = _validated(model, validate)
+            metrics_now |= found
+            if found[f"validation_{select}"] > metrics.get(f"validation_{select}", -math.inf):
+                metrics = {"best_step": step, **found}
+                torch.save(model.state_dict(), folder / "best.pt")
         if step % config.log_every == 0 or validated:
             _log(folder, {"step": step, **metrics_now})
         if time.monotonic() - saved > config.save_every or last:
             _save(folder, model, optimizer, step + 1, metrics)
             saved = time.monotonic()
+    model.load_state_dict(torch.load(folder / "best.pt", weights_only=True))
     model.eval()
     return metrics
 

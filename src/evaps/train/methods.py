@@ -85,7 +85,9 @@ class _Run:
         batches = stage0.WalkBatches(Walks.read(paths), self.scale.encoder_batch, self.seed)
         config = FitConfig(self.scale.encoder_steps, rate=1e-3, seed=self.seed)
         loss_at = stage0.encoder_loss(model, batches)
-        metrics = fit(model, loss_at, config, self.out / "encoder", stage0.validate(model, batches), 500)
+        metrics = fit(
+            model, loss_at, config, self.out / "encoder", stage0.validate(model, batches), 500, "counts"
+        )
         self._save(model.encoder, "encoder", config, metrics)
         model.pair.config = model.config  # type: ignore[assignment]
         self._save(model.pair, "pair", config, metrics)
@@ -126,7 +128,7 @@ class _Run:
             losses = [loss_of(p, first_five[: len(p)]).item() for p in parts]
             return {"loss": float(np.mean(losses)), "exact": self._exact(model, held[:256])}
 
-        metrics = fit(model, loss_at, config, self.out / model.name, validate, 250)
+        metrics = fit(model, loss_at, config, self.out / model.name, validate, 250, "exact")
         return self._save(model, model.name, config, metrics)
 
     def train_repairer(self, model: Repairer) -> Path:
@@ -152,7 +154,7 @@ class _Run:
                 "exact": _exact_repairs(model, held, held_table),
             }
 
-        metrics = fit(model, loss_at, config, self.out / model.name, validate, 500)
+        metrics = fit(model, loss_at, config, self.out / model.name, validate, 500, "exact")
         return self._save(model, model.name, config, metrics)
 
     @cached_property
@@ -196,13 +198,15 @@ class _Run:
 
     def _mistakes(self, split: str) -> Mistakes:
         """Mutations and the synthesizer's failures on tasks of a split, run and embedded once."""
-        tasks = self.scale.mistake_tasks if split == "train" else max(10, self.scale.mistake_tasks // 40)
+        tasks = self.scale.mistake_tasks if split == "train" else max(10, self.scale.mistake_tasks // 25)
         positions = self.dataset.split(split)[:tasks]
         synthesizer = load_method(self.out / "lgrl", "lgrl").to(device())
         assert isinstance(synthesizer, Synthesizer)
         folder = self.dataset.folder / f"mistakes-{split}-{self._encoder_hash}"
         failures: dict[int, list[str]] = {}
         if len(list(folder.glob("*.parquet"))) < -(-len(positions) // 50):
+            torch.manual_seed(self.seed)
+            synthesizer.train()  # with dropout, since it knows these tasks better than any that it will meet
             beams = self._beam(synthesizer, positions, max(8, self.scale.failures))
             failures = {p: self._wrong(p, b) for p, b in zip(positions, beams, strict=True)}
         encoder, mutations = self.out / "encoder", self.scale.mutations

@@ -1,0 +1,46 @@
+"""The README's figures are what its rows say, and what it names exists."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from evaps.report import difference_line, summary_table
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+ROWS = ROOT / "results" / "small" / "rows.parquet"
+
+
+def test_the_figures_are_those_of_the_committed_rows() -> None:
+    shown = README.split("<!-- results/small/rows.parquet -->")[1].split("<!-- end -->")[0]
+    assert shown.strip() == f"{summary_table(ROWS)}\n\n{difference_line(ROWS)}"
+
+
+def test_every_command_it_shows_exists() -> None:
+    commands = re.findall(r"^evaps (\S+)([^#\n]*)", README, re.MULTILINE)
+    assert len(commands) >= 6
+    for command, rest in commands:
+        shown = subprocess.run(
+            [Path(sys.executable).with_name("evaps"), command, "--help"], capture_output=True, text=True
+        )
+        assert shown.returncode == 0
+        for option in re.findall(r"--[a-z-]+", rest):
+            assert option in shown.stdout, f"{command} has no {option}"
+
+
+@pytest.mark.parametrize("path", re.findall(r"\]\(((?!http)[^)]+)\)", README))
+def test_every_link_leads_somewhere(path: str) -> None:
+    assert (ROOT / path).exists()
+
+
+def test_the_python_example_runs(tmp_path: Path) -> None:
+    code = re.search(r"```python\n(import evaps\n.*?)```", README, re.DOTALL)
+    assert code is not None
+    ran = subprocess.run([sys.executable, "-c", code[1]], capture_output=True, text=True, cwd=ROOT)
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.startswith("DEF run m(")
+    assert shlex.split(ran.stdout.splitlines()[-1])[0] in ("True", "False")
