@@ -8,7 +8,7 @@ import torch
 
 from evaps.dsl.sampler import ACTIONS
 from evaps.models.encoder import Encoder, EncoderConfig, TransitionModel
-from evaps.robots.base import Pose, Scene
+from evaps.robots.base import Pose, RgbFrame, Scene
 from evaps.robots.doom import DoomRobot
 from evaps.synthesis.features import embed, stack_frames
 from evaps.tasks.frames import pack_frame, rgbd, unpack_frame
@@ -80,6 +80,8 @@ def test_frames_are_the_same_however_they_are_stacked(tmp_path: Path) -> None:
     robot.reset(Scene(Pose(-300, 280, 10)))
     seen = robot.observe()
     robot.close()
-    assert torch.equal(stack_frames([seen]), rgbd([unpack_frame(pack_frame(seen))]))
+    plain = RgbFrame(seen.rgb, seen.depth)
+    for stacked in (stack_frames([seen]), stack_frames([plain]), rgbd([unpack_frame(pack_frame(seen))])):
+        assert np.array_equal(stacked[0], np.dstack([seen.rgb, seen.depth]))
     encoder = Encoder(EncoderConfig()).eval()
     assert embed(encoder, [seen, seen]).shape == (2, 256)

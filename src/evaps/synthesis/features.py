@@ -14,10 +14,10 @@ from torch import Tensor
 from evaps.models.base import Execution
 from evaps.models.compute import autocast
 from evaps.models.encoder import Encoder
-from evaps.robots.base import Observation
+from evaps.robots.base import Observation, PaletteFrame
 from evaps.synthesis.solution import Attempt
 from evaps.tasks.dataset import Dataset
-from evaps.tasks.frames import unpack_frame
+from evaps.tasks.frames import rgbd, unpack_frame
 from evaps.tasks.progress import track
 from evaps.tasks.task import Task
 
@@ -26,6 +26,9 @@ BATCH = 128
 
 def stack_frames(observations: Sequence[Observation]) -> UInt8[Tensor, "batch height width 4"]:
     """RGB and depth of observations as one tensor of bytes."""
+    doom = [o for o in observations if isinstance(o, PaletteFrame)]
+    if len(doom) == len(observations):
+        return rgbd(doom)
     first = observations[0].depth
     out = np.empty((len(observations), *first.shape, 4), np.uint8)
     for row, observation in zip(out, observations, strict=True):

@@ -45,8 +45,8 @@ def rgbd(frames: Sequence[PaletteFrame]) -> Tensor:
     for target, frame in zip(out, frames, strict=True):  # one look-up a pixel instead of one a channel
         np.take(colours, frame.indices, out=target, mode="clip")
     planes = out.view(np.uint8).reshape(*out.shape, 4)
-    for target, frame in zip(planes, frames, strict=True):
-        target[..., 3] = frame.depth
+    for plane, frame in zip(planes, frames, strict=True):
+        plane[..., 3] = frame.depth
     return torch.from_numpy(planes)
 
 
