@@ -14,6 +14,7 @@ from pathlib import Path
 
 from evaps.evaluate import evaluate
 from evaps.models import SHIPPED
+from evaps.report import difference_line, summary_table
 from evaps.tasks.dataset import generate
 from evaps.train import train
 
@@ -46,12 +47,22 @@ def make_rows() -> None:
     evaluate(DATA, ROWS, "small", ("lgrl", "evaps"), tasks=TEST_TASKS)
 
 
+def make_table() -> None:
+    """The README's table, from the rows."""
+    readme = Path("README.md")
+    before, _, rest = readme.read_text().partition("<!-- results/small/rows.parquet -->\n")
+    _, _, after = rest.partition("<!-- end -->")
+    table = f"{summary_table(ROWS)}\n\n{difference_line(ROWS)}"
+    readme.write_text(f"{before}<!-- results/small/rows.parquet -->\n{table}\n<!-- end -->{after}")
+
+
 def main() -> None:
     """All steps in order; each goes on where it was interrupted."""
     make_data()
     if "--retrain" in sys.argv or not (SHIPPED / "small" / "evaps").is_dir():
         make_checkpoints()
     make_rows()
+    make_table()
 
 
 if __name__ == "__main__":

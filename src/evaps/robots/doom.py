@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 import weakref
 from collections.abc import Iterator
-from contextlib import chdir, contextmanager
+from contextlib import chdir, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,7 @@ TICS_BEFORE_TURN = 14  # in the first tics of an episode the engine takes no tur
 REST_AFTER_RESET = 40  # straight after a warp the view height is still wrong
 _BUTTONS = {action: [float(action == other) for other in TICS] + [0.0] for action in TICS}
 _NO_BUTTON = [0.0] * (len(TICS) + 1)
+_NO_SCENE = "the robot has no scene yet: call reset(scene) first"
 
 
 class DoomRobot(Robot):
@@ -118,21 +120,22 @@ class DoomRobot(Robot):
         name, _, kind = perception.partition(" ")
         if name not in ("ISTHERE", "INTARGET") or kind not in RADII:
             raise ValueError(f"the Doom robot has no perception {perception!r}")
-        boxes = [box for box in self._state.labels if box.object_name == PREFIX + kind]
+        boxes = [box for box in self._seen().labels if box.object_name == PREFIX + kind]
         return bool(boxes) if name == "ISTHERE" else any(map(_on_centre, boxes))
 
     def observe(self) -> Observation:
         """The current view."""
         if self._view is None:
-            self._view = PaletteFrame(self._state.screen_buffer, self._state.depth_buffer, doom_palette())
+            seen = self._seen()
+            self._view = PaletteFrame(seen.screen_buffer, seen.depth_buffer, doom_palette())
         return self._view
 
     def state(self) -> WorldState:
         """The hidden state, for evaluation alone."""
-        x, y, heading, health, ammo = self._state.game_variables
+        x, y, heading, health, ammo = self._seen().game_variables
         things = [
             ThingState(name.removeprefix(PREFIX), not dead, round(o.position_x, 2), round(o.position_y, 2))
-            for o in self._state.objects
+            for o in self._seen().objects
             for dead, name in [(o.name.startswith("Dead"), o.name.removeprefix("Dead"))]
             if name.removeprefix(PREFIX) in RADII
         ]
@@ -144,7 +147,7 @@ class DoomRobot(Robot):
         """End the engine's process."""
         if self._end is not None:
             self._end()
-        self._game = self._end = None
+        self._game = self._end = self._state = self._view = None
 
     def _place(self, scene: Scene) -> None:
         # `summon` puts a thing in front of the robot at 2 radii + 16, and `warp` kills what it lands on: so
@@ -163,6 +166,11 @@ class DoomRobot(Robot):
     def _look(self) -> None:
         self._state, self._view = self._game.get_state(), None
 
+    def _seen(self) -> Any:
+        if self._state is None:
+            raise EngineError(_NO_SCENE)
+        return self._state
+
     @contextmanager
     def _engine(self) -> Iterator[Any]:
         """The engine, while this thread runs on the engine's own core.
@@ -170,7 +178,7 @@ class DoomRobot(Robot):
         The two processes take turns, tic by tic: on one core a tic costs 14 us, across cores 57 us.
         """
         if self._game is None:
-            raise EngineError("the robot has no scene yet: call reset(scene) first")
+            raise EngineError(_NO_SCENE)
         before = _move_to(self._core)
         try:
             yield self._game
@@ -233,11 +241,21 @@ def start_engine(wad: Path) -> Any:
     game = vizdoom.DoomGame()
     _configure(game, vizdoom, wad)
     try:
-        with chdir(wad.parent):  # the engine makes a folder where it is started
+        with interrupts_blocked(), chdir(wad.parent):  # the engine makes a folder where it is started
             game.init()
     except Exception as error:
         raise EngineError(f"the ViZDoom engine cannot start: {_one_line(error)}") from error
     return game
+
+
+@contextmanager
+def interrupts_blocked() -> Iterator[None]:
+    """Processes that start in here never see Ctrl-C: it is this one's to handle, when it comes out."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _configure(game: Any, vizdoom: Any, wad: Path) -> None:
@@ -288,7 +306,8 @@ def check_wad(wad: Path) -> None:
 
     key = hashlib.sha256(wad.read_bytes() + vizdoom.__version__.encode()).hexdigest()[:16]
     cache_folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "evaps"
-    if (cache_folder / f"wad-{key}").exists():
+    passed = cache_folder / f"wad-{key}"
+    if os.path.exists(passed):  # False, too, where the folder may not be read
         return
     code = "import sys, pathlib, evaps.robots.doom as doom; doom.start_engine(pathlib.Path(sys.argv[1]))"
     command = [sys.executable, "-c", code, str(wad)]
@@ -297,5 +316,6 @@ def check_wad(wad: Path) -> None:
         lines = (child.stderr or child.stdout).strip().splitlines() or ["no message"]
         reason = f"signal {-child.returncode}" if child.returncode < 0 else lines[-1]
         raise EngineError(f"the ViZDoom engine cannot start with this world: {reason}")
-    cache_folder.mkdir(parents=True, exist_ok=True)
-    (cache_folder / f"wad-{key}").touch()
+    with suppress(OSError):  # where nothing can be written, it is checked again next time
+        cache_folder.mkdir(parents=True, exist_ok=True)
+        passed.touch()

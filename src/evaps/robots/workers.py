@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
 from functools import cache
 from typing import Any, ClassVar, TypeVar
 
 from evaps.robots.base import EngineError, Scene
-from evaps.robots.doom import DoomRobot
+from evaps.robots.doom import DoomRobot, interrupts_blocked
 from evaps.robots.memo import MemoRobot
 
 Item = TypeVar("Item")
@@ -47,7 +45,7 @@ def robot_map(
     try:
         while True:
             while len(pending) < 2 * workers and (item := next(source, None)) is not None:
-                with _interrupts_blocked():
+                with interrupts_blocked():
                     future = pool.submit(_call, function, item, perceptions)
                 pending[future] = item
             if not pending:
@@ -57,16 +55,6 @@ def robot_map(
     finally:
         stop.set()  # an item may take minutes, and nobody waits for it any more
         pool.shutdown(wait=True, cancel_futures=True)
-
-
-@contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Processes that start in here never see Ctrl-C: it is this one's to handle, when it comes out."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _Stopped(Exception):  # noqa: N818 - nothing is wrong
