@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save
 from torch import nn
 
 from evaps.dsl import VOCAB, UserError
@@ -32,7 +32,7 @@ def save_checkpoint(folder: Path, model: Any, name: str, facts: dict[str, Any]) 
     folder.mkdir(parents=True, exist_ok=True)
     weights = {key: value.detach().cpu().half().contiguous() for key, value in model.state_dict().items()}
     part = folder / ".model.safetensors.part"
-    save_file(weights, part)
+    part.write_bytes(save(weights))
     part.replace(folder / "model.safetensors")
     config = {
         "format": FORMAT,

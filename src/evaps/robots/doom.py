@@ -98,8 +98,7 @@ class DoomRobot(Robot):
             game.set_seed(0)
             game.new_episode()
             self._place(scene)
-            game.advance_action(REST_AFTER_RESET, True)
-            self._look()
+            self._rest(REST_AFTER_RESET)
 
     def act(self, action: str) -> None:
         """Press the button of ``action``, release it, and wait until the world is at rest."""
@@ -108,8 +107,7 @@ class DoomRobot(Robot):
             game.set_action(_BUTTONS[action])
             game.advance_action(pressed, False)
             game.set_action(_NO_BUTTON)
-            game.advance_action(rest, True)  # only this last tic is rendered
-            self._look()
+            self._rest(rest)
 
     def perceive(self, perception: str) -> bool:
         """``ISTHERE m`` or ``INTARGET m`` in the current view.
@@ -163,7 +161,14 @@ class DoomRobot(Robot):
         self._game.advance_action(1, False)
         self._game.set_action(_NO_BUTTON)
 
-    def _look(self) -> None:
+    def _rest(self, tics: int) -> None:
+        """Let the world come to rest, and look at it.
+
+        Two tics are rendered, since the numbers that a frame shows are those of the frame before: with one,
+        the ammunition would still be that of the action before, or of another scene.
+        """
+        self._game.advance_action(tics - 1, True)
+        self._game.advance_action(1, True)
         self._state, self._view = self._game.get_state(), None
 
     def _seen(self) -> Any:

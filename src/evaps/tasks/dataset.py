@@ -27,7 +27,7 @@ from evaps.tasks.progress import track
 from evaps.tasks.task import GoldTask, Outcome
 
 FORMAT = 1
-PART = 100  # indices in a part
+PART = 100  # indices in a part, unless dataset.json says otherwise
 SPLITS = (("train", 0.7), ("validation", 0.9), ("test", 1.0))  # name, upper end of the hash
 
 
@@ -91,11 +91,12 @@ def _rows(index: int, draft: Draft) -> tuple[dict[str, Any], dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Part:
-    """A hundred indices of a data set, made together."""
+    """Some indices of a data set, made together."""
 
     folder: Path
     seed: int
     number: int
+    size: int = PART
     config: SamplerConfig = field(default_factory=SamplerConfig)
 
     @property
@@ -111,16 +112,23 @@ class Part:
 
 def make_part(robot: MemoRobot, part: Part) -> None:
     """Generate the tasks of a part and write its two files; frames first, so that the tasks mean: done."""
-    indices = range(part.number * PART, (part.number + 1) * PART)
+    indices = range(part.number * part.size, (part.number + 1) * part.size)
     rows = [_rows(i, generate_task(part.seed, i, robot, part.config)) for i in indices]
     write_table(part.frames, [frames for _, frames in rows], FRAME_SCHEMA)
     write_table(part.tasks, [task for task, _ in rows], TASK_SCHEMA)
 
 
-def generate(folder: Path, tasks: int, seed: int, workers: int) -> int:
+def generate(folder: Path, tasks: int, seed: int, workers: int, part: int = PART) -> int:
     """Make a data set of so many tasks with distinct programs, or go on where it was interrupted.
 
     Tasks come in the order of their indices; of equal programs the first is kept.
+
+    Args:
+        folder: where to.
+        tasks: how many.
+        seed: of everything random.
+        workers: processes.
+        part: how many indices are made together, and lost together where the job is stopped.
 
     Returns:
         how many indices it took.
@@ -128,33 +136,33 @@ def generate(folder: Path, tasks: int, seed: int, workers: int) -> int:
     Raises:
         DatasetError: the folder holds another data set, or other files.
     """
-    _write_identity(folder, tasks, seed)
+    _write_identity(folder, tasks, seed, part)
     number = 0
     while True:
-        missing = max(1, -(-(tasks - _distinct(folder, number)) // PART))
-        wanted = [Part(folder, seed, n) for n in range(number, number + missing)]
-        open_parts = [part for part in wanted if not part.tasks.exists()]
+        missing = max(1, -(-(tasks - _distinct(folder, number)) // part))
+        wanted = [Part(folder, seed, n, part) for n in range(number, number + missing)]
+        open_parts = [p for p in wanted if not p.tasks.exists()]
         results = robot_map(make_part, open_parts, workers, PERCEPTION_KEYS)
-        done = (number + len(wanted) - len(open_parts)) * PART
-        for _ in track(results, (number + missing) * PART, "tasks", done, PART):
+        done = (number + len(wanted) - len(open_parts)) * part
+        for _ in track(results, (number + missing) * part, "tasks", done, part):
             pass
         number += missing
         if _distinct(folder, number) >= tasks:
             _write_index(folder, number, tasks)
-            return number * PART
+            return number * part
 
 
-def _write_identity(folder: Path, tasks: int, seed: int) -> None:
+def _write_identity(folder: Path, tasks: int, seed: int, part: int) -> None:
     made_by = {"evaps": version("evaps"), "vizdoom": version("vizdoom")}
     identity = {"format": FORMAT, "robot": "doom", "seed": seed, "tasks": tasks, **made_by}
+    identity |= {"part": part} if part != PART else {}
     path = folder / "dataset.json"
     if path.exists():
         found = _read_identity(path)
-        for key in ("format", "robot", "seed"):
-            if found.get(key) != identity[key]:
-                raise DatasetError(
-                    f"{folder} has {key} {found.get(key)}, not {identity[key]}; use another folder"
-                )
+        for key, usual in (("format", None), ("robot", None), ("seed", None), ("part", PART)):
+            there, wanted = found.get(key, usual), identity.get(key, usual)
+            if there != wanted:
+                raise DatasetError(f"{folder} has {key} {there}, not {wanted}; use another folder")
     elif folder.exists() and any(folder.iterdir()):
         raise DatasetError(f"{folder} is not empty and no data set; choose another folder")
     write_atomically(path, (json.dumps(identity, indent=1) + "\n").encode())
@@ -216,7 +224,8 @@ class Dataset:
     def frames(self, positions: Sequence[int]) -> Iterator[tuple[int, list[bytes], list[bytes]]]:
         """For each position (in order of the files): first and last observations of the examples, packed."""
         wanted = {self.rows[p]["index"]: p for p in positions}
-        for number in sorted({index // PART for index in wanted}):
+        size = self.identity.get("part", PART)
+        for number in sorted({index // size for index in wanted}):
             for row in pq.read_table(Part(self.folder, 0, number).frames).to_pylist():
                 if row["index"] in wanted:
                     yield wanted[row["index"]], row["first"], row["last"]

@@ -168,22 +168,20 @@ def _example(
 def _image(folder: Path, name: Any, where: str, shape: Sequence[int]) -> Image:
     _check(isinstance(name, str), folder, f"{where}: expected a file name, found {name!r}")
     path = folder / name
-    _check(
-        path.resolve().parent == folder.resolve(), folder, f"{where}: {name!r} must lie in the task folder"
-    )
+    inside = "\0" not in name and path.resolve().parent == folder.resolve()
+    _check(inside, folder, f"{where}: {name!r} must lie in the task folder")
     try:
         with Picture.open(path) as picture:
-            pixels = np.array(picture)
+            mode, pixels = picture.mode, np.array(picture)
     except FileNotFoundError:
         raise TaskError(f"{path} is missing; {folder / 'task.json'} names it as {where}") from None
     except (OSError, SyntaxError, Picture.DecompressionBombError) as error:
         raise TaskError(f"{path} is not an image that can be read: {error}") from None
-    if pixels.dtype != np.uint8 or pixels.shape != tuple(shape):
-        kind = "colour" if len(shape) == 3 else "greyscale"
-        found = "x".join(map(str, reversed(pixels.shape[:2]))) + (
-            f"x{pixels.shape[2]}" if pixels.ndim == 3 else ""
-        )
+    kind, wanted = ("colour", "RGB") if len(shape) == 3 else ("greyscale", "L")
+    if mode != wanted or pixels.shape != tuple(shape):
+        found = "x".join(map(str, reversed(pixels.shape[:2])))
         raise TaskError(
-            f"{path} must be an 8-bit {kind} image of {shape[1]}x{shape[0]} pixels, found {found}"
+            f"{path} must be an 8-bit {kind} image of {shape[1]}x{shape[0]} pixels in mode {wanted}, "
+            f"found {found} in mode {mode}"
         )
     return pixels

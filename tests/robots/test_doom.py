@@ -1,0 +1,444 @@
+"""The Doom robot on the real engine: places, perceptions, actions, determinism, and an engine that dies."""
+
+import hashlib
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.robots.base import EngineError, Pose, Scene, SceneError, Thing, WorldState, frame_match
+from evaps.robots.doom import TICS, DoomRobot, check_wad
+from evaps.robots.scenes import random_scene, validate
+from evaps.robots.wad import KINDS, RADII, arena_wad
+
+Engines = Callable[[int], set[int]]
+ORIGIN = Pose(-192, 288, 0)
+
+
+def scene(robot: tuple[int, int, int], *things: tuple[str, int, int]) -> Scene:
+    return Scene(Pose(*robot), tuple(Thing(*thing) for thing in things))
+
+
+def crowded_scene(seed: int) -> Scene:
+    """Thirteen things on a shaken grid of fifteen places, with the robot between them."""
+    rng = np.random.default_rng(seed)
+    grid = [(x, y) for x in range(-416, 97, 128) for y in (96, 288, 480)]
+    things = []
+    for place in rng.permutation(len(grid))[:13]:
+        x, y = np.array(grid[place]) + rng.integers(-20, 21, 2)
+        kind = str(rng.choice(list(RADII)))
+        things.append(Thing(kind, int(np.clip(x, -416, 96)), int(np.clip(y, 96, 480))))
+    return Scene(Pose(-352, 192, int(rng.integers(360))), tuple(things))
+
+
+def seen(robot: DoomRobot) -> set[str]:
+    return {key for key in PERCEPTION_KEYS if robot.perceive(key)}
+
+
+def play(robot: DoomRobot, start: Scene, *actions: str) -> WorldState:
+    robot.reset(start)
+    for action in actions:
+        robot.act(action)
+    return robot.state()
+
+
+def digest(robot: DoomRobot) -> str:
+    view = robot.observe()
+    return hashlib.sha256(view.rgb.tobytes() + view.depth.tobytes()).hexdigest()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_thirteen_things_stand_where_the_scene_says(robot: DoomRobot, seed: int) -> None:
+    start = crowded_scene(seed)
+    validate(start)
+    state = play(robot, start)
+    found = sorted((t.kind, t.x, t.y) for t in state.things)
+    wanted = sorted((t.kind, t.x, t.y) for t in start.things)
+    assert [kind for kind, _, _ in found] == [kind for kind, _, _ in wanted]
+    np.testing.assert_allclose([t[1:] for t in found], [t[1:] for t in wanted], atol=0.01)
+    assert all(t.alive for t in state.things)
+    assert (state.ammo, state.health) == (50, 100)
+    assert math.dist((state.robot.x, state.robot.y), (start.robot.x, start.robot.y)) <= 0.01
+    assert state.robot.heading == pytest.approx(start.robot.heading, abs=0.0101)
+
+
+@pytest.mark.parametrize("things", [(), (("Demon", -60, 420), ("Clip", -400, 120))], ids=["empty", "things"])
+@pytest.mark.parametrize("heading", [0, 1, 45, 90, 135, 179, 180, 181, 225, 270, 315, 359])
+def test_the_robot_looks_where_the_scene_says(
+    robot: DoomRobot, heading: int, things: tuple[tuple[str, int, int], ...]
+) -> None:
+    state = play(robot, scene((-192, 288, heading), *things))
+    assert state.robot.heading == pytest.approx(heading, abs=0.0101)
+
+
+def test_views_are_bytes_of_the_documented_shape(robot: DoomRobot) -> None:
+    play(robot, crowded_scene(0))
+    view = robot.observe()
+    assert (view.rgb.shape, view.rgb.dtype) == ((120, 160, 3), np.uint8)
+    assert (view.depth.shape, view.depth.dtype) == ((120, 160), np.uint8)
+    assert len(np.unique(view.rgb.reshape(-1, 3), axis=0)) > 20
+    assert len(np.unique(view.depth)) > 10
+
+
+def test_depth_grows_with_distance(robot: DoomRobot) -> None:
+    depths = []
+    for x in (96, -104, -304):
+        play(robot, scene((x, 288, 0)))
+        depths.append(int(robot.observe().depth[60, 80]))
+    steps = np.diff(depths) / 2  # the wall is 200 map units further away each time
+    assert all(12 <= step <= 16 for step in steps), depths
+
+
+def test_a_view_that_was_handed_out_stays_as_it_was(robot: DoomRobot) -> None:
+    play(robot, scene((-300, 280, 0), ("Demon", -100, 300)))
+    view = robot.observe()
+    rgb, depth = view.rgb.copy(), view.depth.copy()
+    for action in TICS:
+        robot.act(action)
+    assert not frame_match(view, robot.observe())
+    assert np.array_equal(view.rgb, rgb)
+    assert np.array_equal(view.depth, depth)
+
+
+class TestDeterminism:
+    ACTIONS = ("MOVE_FORWARD", "ATTACK", "TURN_LEFT", "MOVE_LEFT", "ATTACK")
+    SEEDS = range(8)
+
+    def results(self, robot: DoomRobot, seeds: list[int]) -> dict[int, tuple[list[str], WorldState]]:
+        found = {}
+        for seed in seeds:
+            robot.reset(random_scene(np.random.default_rng(seed)))
+            views = [digest(robot)]
+            for action in self.ACTIONS:
+                robot.act(action)
+                views.append(digest(robot))
+            found[seed] = views, robot.state()
+        return found
+
+    def test_the_order_of_scenes_does_not_matter(self, robot: DoomRobot) -> None:
+        forwards = self.results(robot, list(self.SEEDS))
+        assert len({views[0] for views, _ in forwards.values()}) == len(self.SEEDS)
+        play(robot, crowded_scene(1), *["MOVE_FORWARD", "ATTACK"] * 6)
+        assert self.results(robot, list(reversed(self.SEEDS))) == forwards
+
+    def test_another_process_sees_the_same_bytes(self, robot: DoomRobot) -> None:
+        start = crowded_scene(2)
+        code = f"""
+import hashlib, json, sys
+from evaps.robots.base import Scene
+from evaps.robots.doom import DoomRobot
+robot = DoomRobot()
+robot.reset(Scene.from_json(json.loads(sys.argv[1])))
+for action in [None, *{self.ACTIONS}]:
+    if action:
+        robot.act(action)
+    view = robot.observe()
+    print(hashlib.sha256(view.rgb.tobytes() + view.depth.tobytes()).hexdigest())
+"""
+        command = [sys.executable, "-c", code, json.dumps(start.to_json())]
+        there = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+        play(robot, start)
+        here = [digest(robot)]
+        for action in self.ACTIONS:
+            robot.act(action)
+            here.append(digest(robot))
+        assert there.stdout.split() == here
+
+
+@pytest.mark.parametrize("kind", KINDS)
+class TestPerceptions:
+    DISTANCE = 150
+
+    def at(self, kind: str, heading: int, bearing: float) -> Scene:
+        """One monster, so many degrees to the left of where the robot looks."""
+        angle = math.radians(heading + bearing)
+        x, y = ORIGIN.x + self.DISTANCE * math.cos(angle), ORIGIN.y + self.DISTANCE * math.sin(angle)
+        return scene((int(ORIGIN.x), int(ORIGIN.y), heading), (kind, round(x), round(y)))
+
+    @pytest.mark.parametrize("heading", [0, 90, 200, 310])
+    @pytest.mark.parametrize("bearing", [-3, 0, 3])
+    def test_straight_ahead(self, robot: DoomRobot, kind: str, heading: int, bearing: float) -> None:
+        robot.reset(self.at(kind, heading, bearing))
+        assert seen(robot) == {f"ISTHERE {kind}", f"INTARGET {kind}"}
+
+    @pytest.mark.parametrize("heading", [0, 90, 200, 310])
+    @pytest.mark.parametrize("bearing", [-35, -22, 22, 35])
+    def test_to_the_side(self, robot: DoomRobot, kind: str, heading: int, bearing: float) -> None:
+        robot.reset(self.at(kind, heading, bearing))
+        assert seen(robot) == {f"ISTHERE {kind}"}
+
+    @pytest.mark.parametrize("bearing", [-65, 65, 100, 180])
+    def test_behind_or_out_of_view(self, robot: DoomRobot, kind: str, bearing: float) -> None:
+        robot.reset(self.at(kind, 0, bearing))
+        assert seen(robot) == set()
+
+    def test_dead(self, robot: DoomRobot, kind: str) -> None:
+        state = play(robot, self.at(kind, 90, 0), "ATTACK")
+        assert seen(robot) == set()
+        assert [(t.kind, t.alive) for t in state.things] == [(kind, False)]
+
+
+def test_monsters_do_not_hide_one_another_entirely(robot: DoomRobot) -> None:
+    """One bullet meets the nearest only, and the one behind it is in target from then on."""
+    start = scene((-300, 280, 0), ("Revenant", 0, 280), ("Demon", -200, 280))
+    robot.reset(start)
+    assert seen(robot) == {"ISTHERE Demon", "INTARGET Demon", "ISTHERE Revenant", "INTARGET Revenant"}
+    robot.act("ATTACK")
+    assert seen(robot) == {"ISTHERE Revenant", "INTARGET Revenant"}
+    robot.act("ATTACK")
+    assert (seen(robot), robot.state().ammo) == (set(), 48)
+
+
+@pytest.mark.parametrize("perception", ["ISTHERE", "ISTHERE Imp", "SEES Demon", "demon"])
+def test_an_unknown_perception_is_refused(robot: DoomRobot, perception: str) -> None:
+    robot.reset(Scene(ORIGIN))
+    with pytest.raises(ValueError, match="no perception"):
+        robot.perceive(perception)
+
+
+class TestActions:
+    @pytest.mark.parametrize("heading", [0, 30, 90, 217, 351])
+    @pytest.mark.parametrize(("action", "sign"), [("TURN_LEFT", 1), ("TURN_RIGHT", -1)])
+    def test_turns(self, robot: DoomRobot, action: str, sign: int, heading: int) -> None:
+        state = play(robot, scene((-192, 288, heading)), action)
+        assert state.robot.heading == pytest.approx((heading + sign * 8.79) % 360, abs=0.011)
+        assert (state.robot.x, state.robot.y) == (-192, 288)
+
+    @pytest.mark.parametrize("heading", [0, 60, 135, 250])
+    @pytest.mark.parametrize(
+        ("action", "direction", "distance"),
+        [
+            ("MOVE_FORWARD", 0, 41.11),
+            ("MOVE_BACKWARD", 180, 41.12),
+            ("MOVE_LEFT", 90, 39.41),
+            ("MOVE_RIGHT", -90, 39.42),
+        ],
+    )
+    def test_moves(
+        self, robot: DoomRobot, action: str, direction: int, distance: float, heading: int
+    ) -> None:
+        after = play(robot, scene((-192, 288, heading)), action).robot
+        angle = math.radians(heading + direction)
+        wanted = (-192 + distance * math.cos(angle), 288 + distance * math.sin(angle))
+        assert (after.x, after.y) == pytest.approx(wanted, abs=0.3)
+        assert after.heading == heading
+
+    def test_attack_kills_what_is_in_target_with_one_bullet(self, robot: DoomRobot) -> None:
+        start = scene((-300, 280, 0), ("HellKnight", -100, 280), ("Demon", -100, 400))
+        state = play(robot, start, "ATTACK")
+        assert {(t.kind, t.alive) for t in state.things} == {("HellKnight", False), ("Demon", True)}
+        assert state.ammo == 49
+
+    def test_attack_at_nothing_costs_a_bullet_too(self, robot: DoomRobot) -> None:
+        state = play(robot, scene((-300, 280, 0), ("Demon", -100, 400)), "ATTACK", "ATTACK")
+        assert (state.ammo, [t.alive for t in state.things]) == (48, [True])
+
+    def test_the_view_shows_the_ammunition_before_the_last_action(self, robot: DoomRobot) -> None:
+        """The engine draws the number one view late: a bullet shows with the action after it."""
+        views = []
+        for actions in (("TURN_LEFT",), ("TURN_LEFT", "ATTACK"), ("ATTACK", "TURN_LEFT")):
+            play(robot, Scene(ORIGIN), *actions)
+            views.append(robot.observe())
+        assert frame_match(views[0], views[1])
+        changed = np.argwhere((views[1].rgb != views[2].rgb).any(-1))
+        assert len(changed)
+        assert changed[:, 0].min() > 90, "only the number at the bottom changes"
+
+    def test_walking_over_a_clip_adds_ammunition(self, robot: DoomRobot) -> None:
+        start = scene((-300, 280, 0), ("Clip", -230, 280))
+        assert play(robot, start).ammo == 50
+        state = play(robot, start, "MOVE_FORWARD")
+        assert (state.ammo, state.things) == (60, ())
+
+    def test_a_monster_blocks_the_way(self, robot: DoomRobot) -> None:
+        state = play(robot, scene((-300, 280, 0), ("Demon", -230, 280)), "MOVE_FORWARD", "MOVE_FORWARD")
+        assert state.robot.x < -230 - 30 - 16 + 0.01
+
+    def test_walls_block_the_way(self, robot: DoomRobot) -> None:
+        state = play(robot, scene((96, 288, 0)), "MOVE_FORWARD", "MOVE_FORWARD")
+        assert 96 < state.robot.x <= 128 - 16
+
+    @pytest.mark.parametrize("heading", [0, 30, 245])
+    def test_steps_ahead_and_to_the_left_may_be_swapped(self, robot: DoomRobot, heading: int) -> None:
+        start = scene((-300, 280, heading), ("Demon", -100, 280), ("Clip", 0, 400))
+        views = []
+        for actions in (("MOVE_FORWARD", "MOVE_LEFT"), ("MOVE_LEFT", "MOVE_FORWARD")):
+            play(robot, start, *actions)
+            views.append(robot.observe())
+        assert frame_match(*views)
+
+    def test_an_unknown_action_is_refused_and_changes_nothing(self, robot: DoomRobot) -> None:
+        before = play(robot, Scene(ORIGIN))
+        with pytest.raises(KeyError):
+            robot.act("JUMP")
+        robot.act("TURN_LEFT")
+        robot.act("TURN_RIGHT")
+        assert robot.state() == before
+
+
+def test_a_scene_that_is_not_valid_is_refused_and_changes_nothing(robot: DoomRobot) -> None:
+    before = play(robot, scene((-300, 280, 0), ("Demon", -100, 300)))
+    with pytest.raises(SceneError, match="overlap"):
+        robot.reset(scene((-300, 280, 0), ("Demon", -290, 300)))
+    assert robot.state() == before
+
+
+@pytest.mark.parametrize(
+    "call",
+    [lambda r: r.act("ATTACK"), lambda r: r.perceive("ISTHERE Demon"), DoomRobot.observe, DoomRobot.state],
+    ids=["act", "perceive", "observe", "state"],
+)
+def test_without_a_scene_there_is_nothing_to_do(call: Callable[[DoomRobot], object]) -> None:
+    robot = DoomRobot()
+    with pytest.raises(EngineError, match="call reset"):
+        call(robot)
+    robot.close()
+    robot.close()
+
+
+class TestDeath:
+    def kill(self, engines: Engines, before: set[int]) -> None:
+        (engine,) = engines(os.getpid()) - before
+        os.kill(engine, signal.SIGKILL)
+
+    @pytest.mark.parametrize("call", [lambda r: r.act("ATTACK"), lambda r: r.reset(Scene(ORIGIN))])
+    def test_a_dead_engine_is_told_and_replaced(
+        self, engines: Engines, call: Callable[[DoomRobot], None]
+    ) -> None:
+        others, start = engines(os.getpid()), crowded_scene(3)
+        robot = DoomRobot()
+        robot.reset(start)
+        view = robot.observe()
+        self.kill(engines, others)
+        with pytest.raises(EngineError, match="engine has died") as error:
+            call(robot)
+        assert "\n" not in str(error.value)
+        with pytest.raises(EngineError, match="call reset"):
+            robot.act("ATTACK")
+        robot.reset(start)
+        assert frame_match(robot.observe(), view)
+        robot.close()
+        assert engines(os.getpid()) == others
+
+    def test_a_dead_engine_can_be_closed(self, engines: Engines) -> None:
+        others = engines(os.getpid())
+        robot = DoomRobot()
+        robot.reset(Scene(ORIGIN))
+        self.kill(engines, others)
+        robot.close()
+        assert engines(os.getpid()) == others
+
+    def test_a_robot_that_nobody_holds_takes_its_engine_along(self, engines: Engines) -> None:
+        others = engines(os.getpid())
+        robot = DoomRobot()
+        robot.reset(Scene(ORIGIN))
+        assert len(engines(os.getpid())) == len(others) + 1
+        del robot
+        assert engines(os.getpid()) == others
+
+
+class TestWorldThatCannotBe:
+    def test_a_fault_in_its_text_is_one_line(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+        wad = tmp_path / "arena.wad"
+        wad.write_bytes(arena_wad("actor Broken : NoSuchClass { Health }"))
+        for _ in range(2):  # what has failed once is not taken for granted the next time
+            with pytest.raises(EngineError, match="cannot start with this world") as error:
+                check_wad(wad)
+            assert "\n" not in str(error.value)
+
+    def test_what_has_passed_is_not_started_again(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+        wad = tmp_path / "arena.wad"
+        wad.write_bytes(arena_wad())
+        check_wad(wad)
+        monkeypatch.setattr(sys, "executable", "/no/such/python")
+        check_wad(wad)
+        wad.write_bytes(arena_wad() + b"\0")
+        with pytest.raises(FileNotFoundError):
+            check_wad(wad)
+
+    def test_a_cache_that_cannot_be_written_does_no_harm(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        (tmp_path / "file").touch()
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+        wad = tmp_path / "arena.wad"
+        wad.write_bytes(arena_wad())
+        check_wad(wad)
+        assert (tmp_path / "file").read_bytes() == b""
+
+
+PLAY = """
+import time
+from evaps.robots.base import Pose, Scene
+from evaps.robots.doom import DoomRobot
+start = Scene(Pose(-192, 288, 0))
+robot = DoomRobot()
+robot.reset(start)
+robot.act("ATTACK")
+"""
+ENDS = {
+    "closed": "robot.close()",
+    "left open": "",
+    "two at once": "other = DoomRobot(); other.reset(start)",
+    "exit": "raise SystemExit(0)",
+}
+
+
+@pytest.mark.parametrize("end", ENDS.values(), ids=ENDS)
+def test_the_engine_says_nothing_and_leaves_nothing(tmp_path: Path, end: str) -> None:
+    folders = {name: tmp_path / name for name in ("here", "home", "temporary")}
+    for folder in folders.values():
+        folder.mkdir()
+    variables = {"HOME": str(folders["home"]), "TMPDIR": str(folders["temporary"]), "XDG_CACHE_HOME": ""}
+    environment = {**os.environ, **variables}
+    command = [sys.executable, "-c", PLAY + end]
+    done = subprocess.run(
+        command, cwd=folders["here"], env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert not list(folders["here"].iterdir())
+    assert not list(folders["temporary"].iterdir())
+    files = [path for path in folders["home"].rglob("*") if path.is_file()]
+    assert [path.parent.relative_to(folders["home"]) for path in files] == [Path(".cache/evaps")]
+
+
+def test_ctrl_c_reaches_the_program_and_not_the_engine(engines: Engines) -> None:
+    code = f"""{PLAY}
+print("plays", flush=True)
+try:
+    while True:
+        robot.reset(start)
+except KeyboardInterrupt:
+    robot.reset(start)
+    robot.act("ATTACK")
+    print("goes on", flush=True)
+    time.sleep(60)
+"""
+    command = [sys.executable, "-c", code]
+    job = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    assert job.stdout is not None
+    assert job.stdout.readline() == "plays\n"
+    before = engines(job.pid)
+    os.killpg(job.pid, signal.SIGINT)  # as a terminal does it
+    assert job.stdout.readline() == "goes on\n"
+    assert len(before) == 1
+    assert engines(job.pid) == before
+    os.killpg(job.pid, signal.SIGINT)
+    job.wait(timeout=30)
+    until = time.monotonic() + 10
+    while (left := [pid for pid in before if Path(f"/proc/{pid}").exists()]) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not left

@@ -1,0 +1,112 @@
+"""Robots in several processes: the same results, engines that die, and Ctrl-C."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from itertools import count, islice
+from pathlib import Path
+from typing import Any
+
+import pytest
+from robot_jobs import fail, lose_the_engine, random_run, run_and_lose_the_engine_once
+
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.robots.base import EngineError
+from evaps.robots.workers import robot_map
+
+Engines = Callable[[int], set[int]]
+ITEMS = range(12)
+
+
+@pytest.fixture(scope="module")
+def expected() -> dict[int, Any]:
+    """What this process makes of the items."""
+    return dict(robot_map(random_run, ITEMS, 0, PERCEPTION_KEYS))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_the_number_of_workers_does_not_matter(expected: dict[int, Any], workers: int) -> None:
+    results = list(robot_map(random_run, ITEMS, workers, PERCEPTION_KEYS))
+    assert sorted(item for item, _ in results) == list(ITEMS)
+    assert dict(results) == expected
+
+
+def test_items_know_nothing_of_one_another(expected: dict[int, Any]) -> None:
+    again = list(robot_map(random_run, [3, 3, 0, 3], 0, PERCEPTION_KEYS))
+    assert again == [(item, expected[item]) for item in (3, 3, 0, 3)]
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_an_engine_that_dies_is_replaced(expected: dict[int, Any], tmp_path: Path, workers: int) -> None:
+    items = [(seed, tmp_path / f"marker{seed}") for seed in range(3)]
+    results = dict(robot_map(run_and_lose_the_engine_once, items, workers, PERCEPTION_KEYS))
+    assert all(marker.exists() for _, marker in items)
+    assert {seed: result[:3] for (seed, _), result in results.items()} == {
+        seed: expected[seed][:3] for seed in range(3)
+    }
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_an_item_that_kills_every_engine_is_told(engines: Engines, workers: int) -> None:
+    with pytest.raises(EngineError, match="engine has died"):
+        list(robot_map(lose_the_engine, [0], workers, PERCEPTION_KEYS))
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_an_error_in_an_item_comes_out(workers: int) -> None:
+    with pytest.raises(LookupError, match="item 5 cannot be done"):
+        list(robot_map(fail, [5], workers, PERCEPTION_KEYS))
+
+
+def test_items_without_end_are_drawn_as_they_are_needed(engines: Engines) -> None:
+    others = engines(os.getpid())
+    drawn: list[int] = []
+    items = (drawn.append(i) or i for i in count())  # type: ignore[func-returns-value]
+    results = robot_map(random_run, items, 1, PERCEPTION_KEYS)
+    assert len(list(islice(results, 3))) == 3
+    assert len(drawn) < 8
+    results.close()  # type: ignore[attr-defined]
+    assert engines(os.getpid()) == others
+
+
+SCRIPT = """
+import sys
+sys.path.append(sys.argv[1])
+from evaps.robots.workers import robot_map
+from robot_jobs import play_for_ever
+
+if __name__ == "__main__":
+    try:
+        list(robot_map(play_for_ever, range(0, 10**6, 1000), int(sys.argv[2]), ("ISTHERE Demon",)))
+    except KeyboardInterrupt:
+        sys.exit(130)
+"""
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> bool:
+    until = time.monotonic() + seconds
+    while not condition() and time.monotonic() < until:
+        time.sleep(0.05)
+    return condition()
+
+
+@pytest.mark.parametrize("to_the_group", [True, False], ids=["terminal", "kill"])
+@pytest.mark.parametrize("workers", [0, 2])
+def test_ctrl_c_leaves_no_engine_behind(
+    engines: Engines, tmp_path: Path, workers: int, to_the_group: bool
+) -> None:
+    (tmp_path / "script.py").write_text(SCRIPT)
+    command = [sys.executable, "script.py", str(Path(__file__).parent), str(workers)]
+    job = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
+    )
+    assert wait_for(lambda: len(engines(job.pid)) == max(workers, 1))
+    started = engines(job.pid)
+    time.sleep(0.2)
+    (os.killpg if to_the_group else os.kill)(job.pid, signal.SIGINT)
+    output = job.communicate(timeout=60)[0]
+    assert (job.returncode, output) == (130, b"")
+    assert wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in started), 10)

@@ -1,0 +1,158 @@
+"""Data sets: the same on any number of workers, resumable, and open to any reader of Parquet."""
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from evaps.dsl import Program
+from evaps.robots.base import state_match
+from evaps.robots.memo import MemoRobot
+from evaps.synthesis.solution import attempt
+from evaps.tasks.dataset import Dataset, DatasetError, generate, split_of
+from evaps.tasks.frames import unpack_frame
+
+TASKS, PART, SEED = 18, 6, 7
+
+
+def files(folder: Path) -> dict[str, str]:
+    """A check sum for every file."""
+    paths = [path for path in folder.rglob("*") if path.is_file()]
+    return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in paths}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data set in three parts; tests that change it make a copy."""
+    path = tmp_path_factory.mktemp("data") / "set"
+    assert generate(path, TASKS, SEED, workers=2, part=PART) == TASKS
+    return path
+
+
+@pytest.fixture
+def copy(folder: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(folder, tmp_path / "copy"))
+
+
+def test_one_worker_writes_the_same_bytes_as_two(folder: Path, tmp_path: Path) -> None:
+    generate(tmp_path / "other", TASKS, SEED, workers=1, part=PART)
+    names = [f"{room}-0000{n}.parquet" for n in range(3) for room in ("frames/frames", "parts/tasks")]
+    assert sorted(files(folder)) == sorted(["dataset.json", "tasks.parquet", *names])
+    assert files(tmp_path / "other") == files(folder)
+
+
+def test_a_part_that_is_missing_is_made_again(folder: Path, copy: Path) -> None:
+    (copy / "parts" / "tasks-00001.parquet").unlink()
+    (copy / "frames" / "frames-00001.parquet").unlink()
+    (copy / "tasks.parquet").unlink()
+    kept = copy / "parts" / "tasks-00002.parquet"
+    before = kept.stat().st_mtime_ns
+    with pytest.raises(DatasetError, match="no complete data set; make one with: evaps generate"):
+        Dataset(copy)
+    assert generate(copy, TASKS, SEED, workers=0, part=PART) == TASKS
+    assert files(copy) == files(folder)
+    assert kept.stat().st_mtime_ns == before
+
+
+def test_where_a_program_comes_twice_one_more_is_made(folder: Path, copy: Path) -> None:
+    path = copy / "parts" / "tasks-00002.parquet"
+    table = pq.read_table(path)
+    first = pq.read_table(copy / "parts" / "tasks-00000.parquet")["program"][0].as_py()
+    twice = pa.array([first, *table["program"].to_pylist()[1:]])
+    at = table.schema.get_field_index("program")
+    pq.write_table(table.set_column(at, "program", twice), path)
+    assert generate(copy, TASKS, SEED, workers=0, part=PART) == TASKS + PART
+    rows, before = Dataset(copy).rows, Dataset(folder).rows
+    assert [row["index"] for row in rows] == [i for i in range(TASKS + 1) if i != 2 * PART]
+    assert rows[: 2 * PART] == before[: 2 * PART]
+
+
+def test_programs_are_distinct_and_in_the_split_of_their_hash(folder: Path) -> None:
+    data = Dataset(folder)
+    assert len(data) == len({row["program"] for row in data.rows}) == TASKS
+    assert [row["index"] for row in data.rows] == list(range(TASKS))
+    for row in data.rows:
+        program = Program.parse(row["program"])
+        assert row["split"] == split_of(program) == split_of(row["program"])
+    splits = [data.split(name) for name in ("train", "validation", "test")]
+    assert sorted(p for split in splits for p in split) == list(range(TASKS))
+    assert data.split("train")
+
+
+def test_splits_have_their_shares() -> None:
+    found = [split_of(f"program {i}") for i in range(10_000)]
+    shares = {name: found.count(name) / len(found) for name in ("train", "validation", "test")}
+    assert shares == pytest.approx({"train": 0.7, "validation": 0.2, "test": 0.1}, abs=0.015)
+    assert split_of("DEF run m( ATTACK m)") == "validation", "another hash would mix the splits"
+
+
+def test_any_reader_of_parquet_can_open_it(folder: Path) -> None:
+    tasks = pq.read_table(folder / "tasks.parquet")
+    columns = ["index", "program", "split", "steps", "scenes", "states", "actions"]
+    assert (tasks.column_names, tasks.num_rows) == (columns, TASKS)
+    row: dict[str, Any] = tasks.to_pylist()[0]
+    assert list(row["scenes"][0]["robot"]) == ["x", "y", "heading"]
+    assert [len(row[key]) for key in ("scenes", "states", "actions")] == [6, 6, 6]
+    assert row["steps"] == max(len(actions.split()) for actions in row["actions"])
+    frames = pq.read_table(folder / "frames" / "frames-00000.parquet").to_pylist()
+    assert [frame["index"] for frame in frames] == list(range(PART))
+    for packed in (*frames[0]["first"], *frames[0]["last"]):
+        assert unpack_frame(packed).rgb.shape == (120, 160, 3)
+    identity = json.loads((folder / "dataset.json").read_text())
+    assert (identity["seed"], identity["tasks"], identity["part"]) == (SEED, TASKS, PART)
+
+
+def test_gold_tasks_are_solved_by_their_programs(folder: Path, robot: MemoRobot) -> None:
+    data = Dataset(folder)
+    positions = [0, PART + 1, TASKS - 1]  # one of each part
+    golds = list(data.gold_tasks(positions))
+    assert [gold.name for gold in golds] == [f"task-{p}" for p in positions]
+    for position, gold in zip(positions, golds, strict=True):
+        assert str(gold.program) == data.rows[position]["program"]
+        assert gold.steps == data.rows[position]["steps"]
+        assert attempt(gold.program, gold.task, robot).solved
+        test = gold.outcomes[5]
+        robot.reset(test.scene)
+        for action in data.rows[position]["actions"][5].split():
+            robot.act(action)
+        assert state_match(robot.state(), test.state)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"seed": SEED + 1}, f"has seed {SEED}, not {SEED + 1}; use another folder"),
+        ({"part": 100}, f"has part {PART}, not 100; use another folder"),
+    ],
+)
+def test_another_data_set_is_refused_and_left_alone(
+    folder: Path, changes: dict[str, int], message: str
+) -> None:
+    before = files(folder)
+    with pytest.raises(DatasetError, match=message):
+        generate(folder, **{"tasks": TASKS, "seed": SEED, "workers": 0, "part": PART, **changes})
+    assert files(folder) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("notes.txt", "mine", "is not empty and no data set; choose another folder"),
+        ("dataset.json", "{", "is not JSON: line 1, column 2"),
+        ("dataset.json", "[]", "expected an object with the seed"),
+        ("dataset.json", "{}", "has format None, not 1"),
+        ("dataset.json", '{"format": 1, "robot": "karel"}', "has robot karel, not doom"),
+    ],
+)
+def test_a_foreign_folder_is_refused_and_left_alone(
+    tmp_path: Path, name: str, content: str, message: str
+) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(DatasetError, match=message):
+        generate(tmp_path, TASKS, SEED, workers=0)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, content)]

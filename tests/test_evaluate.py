@@ -1,0 +1,98 @@
+"""Evaluation: what a match is, and that statistics do what they say."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaps.dsl import Program, run
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.evaluate import SCHEMA, match, paired_difference, summarize
+from evaps.robots.doom import DoomRobot
+from evaps.robots.memo import MemoRobot
+from evaps.robots.scenes import random_scene
+from evaps.tasks.dataset import write_table
+from evaps.tasks.task import GoldTask, Outcome
+
+GOLD = Program.parse("DEF run m( MOVE_FORWARD MOVE_LEFT IF c( INTARGET Demon c) i( TURN_LEFT i) m)")
+SAME = Program.parse("DEF run m( MOVE_LEFT MOVE_FORWARD IF c( INTARGET Demon c) i( TURN_LEFT i) m)")
+
+
+@pytest.fixture(scope="module")
+def judged() -> dict[str, object]:
+    robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS)
+    rng, outcomes, asked = np.random.default_rng(1), [], []
+    while len(outcomes) < 6:  # the condition holds in the test scene alone
+        scene = random_scene(rng)
+        robot.reset(scene)
+        trace = run(GOLD, robot)
+        holds = "TURN_LEFT" in trace.actions
+        if holds == (len(outcomes) == 5):
+            outcomes.append(Outcome(scene, robot.observe(), robot.state()))
+            asked.append(holds)
+    gold = GoldTask("task-0", GOLD, tuple(outcomes), 3)
+    short = Program.parse("DEF run m( MOVE_LEFT MOVE_FORWARD m)")
+    endless = Program.parse("DEF run m( MOVE_LEFT MOVE_FORWARD REPEAT R=6 r( REPEAT R=6 r( ATTACK r) r) m)")
+    wrong = Program.parse("DEF run m( MOVE_LEFT m)")
+    programs = {"gold": GOLD, "same": SAME, "short": short, "endless": endless, "wrong": wrong}
+    found = {name: match(program, gold, robot) for name, program in programs.items()}
+    robot.close()
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "exact", "semantic", "generalization"),
+    [
+        ("gold", True, True, True),
+        ("same", False, True, True),
+        ("short", False, True, False),
+        ("endless", False, False, False),
+        ("wrong", False, False, False),
+    ],
+)
+def test_the_three_metrics(
+    judged: dict[str, object], name: str, exact: bool, semantic: bool, generalization: bool
+) -> None:
+    found = judged[name]
+    assert found.exact == exact
+    assert found.semantic_state == found.semantic_frame == semantic
+    assert found.generalization_state == found.generalization_frame == generalization
+
+
+def rows(method: str, ranks_that_match: list[int | None]) -> list[dict[str, object]]:
+    blank = dict(seed=0, scale="test", commit="", machine="", steps=2, program="", pairs_passed=0, rounds=0)
+    cost = dict(simulated_actions=10, seconds=1.0, semantic_frame=False, generalization_frame=False)
+    return [
+        {
+            **blank,
+            **cost,
+            "method": method,
+            "task": task,
+            "rank": rank,
+            **{m: rank == right for m in ("exact", "semantic_state", "generalization_state")},
+        }
+        for task, right in enumerate(ranks_that_match)
+        for rank in range(20)
+    ]
+
+
+def test_top_k_counts_a_task_once_any_of_its_first_k_matches(tmp_path: Path) -> None:
+    path = tmp_path / "rows.parquet"
+    write_table(path, rows("lgrl", [0, 4, 5, 19, None]) + rows("evaps", [0, 0, 0, 0, None]), SCHEMA)
+    lgrl, evaps = summarize(path)
+    assert [lgrl[f"exact@{k}"] for k in (1, 5, 20)] == [20, 40, 80]
+    assert [evaps[f"exact@{k}"] for k in (1, 5, 20)] == [80, 80, 80]
+    assert lgrl["tasks"] == 5
+
+
+def test_the_bootstrap_interval_covers_zero_exactly_when_it_should(tmp_path: Path) -> None:
+    path = tmp_path / "rows.parquet"
+    rng = np.random.default_rng(0)
+    a = [0 if x < 0.5 else None for x in rng.random(300)]
+    b = [0 if x < 0.5 else None for x in rng.random(300)]
+    better = [0 if x == 0 or rng.random() < 0.3 else None for x in a]
+    write_table(path, rows("a", a) + rows("b", b) + rows("better", better), SCHEMA)
+    mean, low, high = paired_difference(path, "better", "a", "exact", 1, draws=2000)
+    assert 0 < low < mean < high < 30
+    mean, low, high = paired_difference(path, "b", "a", "exact", 1, draws=2000)
+    assert low < 0 < high
