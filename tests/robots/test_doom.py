@@ -145,7 +145,7 @@ for action in [None, *{self.ACTIONS}]:
     print(hashlib.sha256(view.rgb.tobytes() + view.depth.tobytes()).hexdigest())
 """
         command = [sys.executable, "-c", code, json.dumps(start.to_json())]
-        there = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+        there = subprocess.run(command, capture_output=True, text=True, check=True, timeout=240)
         play(robot, start)
         here = [digest(robot)]
         for action in self.ACTIONS:
@@ -406,7 +406,7 @@ def test_the_engine_says_nothing_and_leaves_nothing(tmp_path: Path, end: str) ->
     environment = {**os.environ, **variables}
     command = [sys.executable, "-c", PLAY + end]
     done = subprocess.run(
-        command, cwd=folders["here"], env=environment, capture_output=True, text=True, timeout=60
+        command, cwd=folders["here"], env=environment, capture_output=True, text=True, timeout=240
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert not list(folders["here"].iterdir())

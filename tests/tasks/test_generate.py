@@ -101,7 +101,7 @@ def test_the_command_line_comes_to_the_same_end(
     (tmp_path / "scene.json").write_text(json.dumps(draft.scenes[example].to_json()))
     command = [EVAPS, "run", "--program", "-", "--scene", "scene.json", "--json"]
     text = draft.program.to_python()
-    done = subprocess.run(command, cwd=tmp_path, input=text, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, cwd=tmp_path, input=text, capture_output=True, text=True, timeout=240)
     assert json.loads(done.stdout) == {
         "halted": True,
         "actions": list(draft.actions[example]),

@@ -125,7 +125,7 @@ class Evaps(Repairer):
         x = self.represent(batch, table)
         programs, pairs, time, _ = x.shape
         lengths = (batch.tokens > 0).sum(1).repeat_interleave(pairs).cpu()
-        x = F.relu(self.mix(self.dropout(x))).flatten(0, 1)
+        x = self.dropout(F.relu(self.mix(x))).flatten(0, 1)
         packed = nn.utils.rnn.pack_padded_sequence(x, lengths, batch_first=True, enforce_sorted=False)
         outputs, _ = self.lstm(packed)
         padded, _ = nn.utils.rnn.pad_packed_sequence(outputs, batch_first=True, total_length=time)
