@@ -69,7 +69,7 @@ def rows(method: str, ranks_that_match: list[int | None]) -> list[dict[str, obje
             "method": method,
             "task": task,
             "rank": rank,
-            **{m: rank == right for m in ("exact", "semantic_state", "generalization_state")},
+            **dict.fromkeys(("exact", "semantic_state", "generalization_state"), rank == right),
         }
         for task, right in enumerate(ranks_that_match)
         for rank in range(20)
