@@ -23,7 +23,7 @@ RUNS = Path("runs/small")
 ROWS = Path("results/small/rows.parquet")
 SEED = 0
 TASKS = 20_000
-TEST_TASKS = 1_000
+TEST_TASKS = 600
 
 
 def make_data() -> None:
