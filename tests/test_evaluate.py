@@ -8,9 +8,9 @@ import pytest
 from evaps.dsl import Program, run
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import SCHEMA, match, paired_difference, summarize
+from evaps.robots.base import Pose, Scene, Thing
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
-from evaps.robots.scenes import random_scene
 from evaps.tasks.dataset import write_table
 from evaps.tasks.task import GoldTask, Outcome
 
@@ -21,15 +21,15 @@ SAME = Program.parse("DEF run m( MOVE_LEFT MOVE_FORWARD IF c( INTARGET Demon c) 
 @pytest.fixture(scope="module")
 def judged() -> dict[str, object]:
     robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS)
-    rng, outcomes, asked = np.random.default_rng(1), [], []
-    while len(outcomes) < 6:  # the condition holds in the test scene alone
-        scene = random_scene(rng)
+    # Nothing stands in the way, so the two moves commute; the condition holds in the test scene alone.
+    empty = [Scene(Pose(-300, y, 0)) for y in (200, 220, 240, 260, 280)]
+    ahead = [Scene(Pose(-300, 240, 0), (Thing("Demon", 60, y),)) for y in range(200, 400, 10)]
+    outcomes: list[Outcome] = []
+    for scene in (*empty, *ahead):
         robot.reset(scene)
         trace = run(GOLD, robot)
-        holds = "TURN_LEFT" in trace.actions
-        if holds == (len(outcomes) == 5):
+        if len(outcomes) < 6 and ("TURN_LEFT" in trace.actions) == bool(scene.things):
             outcomes.append(Outcome(scene, robot.observe(), robot.state()))
-            asked.append(holds)
     gold = GoldTask("task-0", GOLD, tuple(outcomes), 3)
     short = Program.parse("DEF run m( MOVE_LEFT MOVE_FORWARD m)")
     endless = Program.parse("DEF run m( MOVE_LEFT MOVE_FORWARD REPEAT R=6 r( REPEAT R=6 r( ATTACK r) r) m)")
