@@ -61,6 +61,7 @@ def train(method: str, data: Path, out: Path, scale: str = "small", seed: int = 
     run = _Run(Dataset(data), out, SCALES[scale], scale, seed, workers)
     if method == "encoder":
         return run.train_encoder()
+    torch.manual_seed(seed)
     model = new_method(method).to(device())
     if isinstance(model, Synthesizer):
         return run.train_synthesizer(model)
@@ -94,8 +95,6 @@ class _Run:
         return self.out / "encoder"
 
     def train_synthesizer(self, model: Synthesizer) -> Path:
-        torch.manual_seed(self.seed)
-        model = new_method(model.name).to(device())  # type: ignore[assignment]
         self._start_from_pairs(model)
         batch = self.scale.lgrl_batch
         config = FitConfig(self.scale.lgrl_steps, rate=1e-3, seed=self.seed)
@@ -132,8 +131,6 @@ class _Run:
         return self._save(model, model.name, config, metrics)
 
     def train_repairer(self, model: Repairer) -> Path:
-        torch.manual_seed(self.seed)
-        model = new_method(model.name).to(device())  # type: ignore[assignment]
         self._start_from_pairs(model)
         train, held = (self._mistakes(s) for s in ("train", "validation"))
         first, second = self.scale.evaps_steps
