@@ -141,7 +141,7 @@ def test_a_planted_violation_is_found(tmp_path: Path, file: str, line: int, code
         ),
         ("models/evaps.py", "from evaps import __version__\nfrom evaps.dsl import evaps"),
         ("tasks/task.py", "from ..robots import doom\nfrom evaps.models import METHODS"),
-        ("evaluate.py", "from evaps.synthesis.beam import search"),
+        ("evaluate.py", "from evaps.models.beam import search"),
         ("cli.py", "def main():\n    from evaps import load_task, train, viewer"),
         (
             "__init__.py",

@@ -8,8 +8,8 @@ from torch.nn import functional as F
 from evaps.dsl import VOCAB
 from evaps.dsl.sampler import sample_program
 from evaps.models.base import pad
+from evaps.models.beam import beam_search
 from evaps.models.lgrl import LGRL, LGRLConfig
-from evaps.synthesis.beam import beam_search
 from evaps.train.methods import grammar_masks
 
 

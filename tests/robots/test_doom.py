@@ -424,8 +424,8 @@ def test_the_engine_says_nothing_and_leaves_nothing(tmp_path: Path, end: str) ->
 
 def test_ctrl_c_reaches_the_program_and_not_the_engine(engines: Engines) -> None:
     code = f"""{PLAY}
-print("plays", flush=True)
 try:
+    print("plays", flush=True)
     while True:
         robot.reset(start)
 except KeyboardInterrupt:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from safetensors.torch import load_file, save
-from torch import nn
+from torch import Tensor, nn
 
 from evaps.dsl import VOCAB, UserError
 
@@ -30,7 +30,7 @@ def save_checkpoint(folder: Path, model: Any, name: str, facts: dict[str, Any]) 
         facts: how it was made: seed, scale, data set, commit, metrics.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    weights = {key: value.detach().cpu().half().contiguous() for key, value in model.state_dict().items()}
+    weights = {key: _halved(value.detach().cpu()) for key, value in model.state_dict().items()}
     part = folder / ".model.safetensors.part"
     part.write_bytes(save(weights))
     part.replace(folder / "model.safetensors")
@@ -41,6 +41,10 @@ def save_checkpoint(folder: Path, model: Any, name: str, facts: dict[str, Any]) 
         "vocabulary": list(VOCAB.tokens),
     }
     (folder / "config.json").write_text(json.dumps({**config, "facts": facts}, indent=1) + "\n")
+
+
+def _halved(value: Tensor) -> Tensor:
+    return (value.half() if value.is_floating_point() else value).contiguous()
 
 
 def read_config(folder: Path, name: str) -> dict[str, Any]:
@@ -67,8 +71,7 @@ def load_weights(folder: Path, model: Model) -> Model:
         CheckpointError: the weights do not fit the model.
     """
     try:
-        weights = {key: value.float() for key, value in load_file(folder / "model.safetensors").items()}
-        model.load_state_dict(weights)
+        model.load_state_dict(load_file(folder / "model.safetensors"))  # copied into float32 parameters
     except (OSError, RuntimeError) as error:
         raise CheckpointError(
             f"{folder}: the weights do not fit: {' '.join(str(error).split())[:200]}"

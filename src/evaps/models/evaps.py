@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 import torch
@@ -20,9 +20,11 @@ from torch_geometric.nn import GATv2Conv
 
 from evaps.dsl import TOKEN_TYPES, VOCAB, Program, token_type
 from evaps.models.base import Execution, Repairer, pad
-from evaps.models.edits import SLOTS, decode_edits, edit_targets
 from evaps.models.encoder import PairEmbedding
+from evaps.models.parallel_edits import ParallelEdits
+from evaps.models.sequential_edits import SequentialEdits
 
+EditMode = Literal["parallel", "sequential"]
 _TYPES = torch.tensor([TOKEN_TYPES.index(token_type(token)) for token in VOCAB.tokens])
 
 
@@ -48,6 +50,8 @@ class EvapsConfig:
     """Code symbol alignment (S); off in the ablations Naive and EVAPS+O."""
     goal: bool = True
     """Whether the repairer sees the goal: how it differs from the first, the last and each segment's view."""
+    edits: EditMode = "sequential"
+    """Whether all tokens are edited at once, as the paper says, or one after the other, as in SED."""
     dropout: float = 0.2
     """On token representations and on the decoder's output."""
     beam: int = 8
@@ -89,7 +93,8 @@ class Batch:
 class Evaps(Repairer):
     """Per token ``x_s = [h'_s | O'_s]`` (Eq. 6), a decoder over the tokens, late max-pool over pairs.
 
-    The decoder is a bidirectional LSTM over the token representations of one pair (this project's choice).
+    Before the decoder, a bidirectional LSTM goes over the token representations of each pair (this project's
+    choice). The paper decodes all tokens at once; edits that know of each other do better (docs/methods.md).
     """
 
     name: ClassVar[str] = "evaps"
@@ -115,13 +120,16 @@ class Evaps(Repairer):
         self.mix = nn.Linear((1 + config.observations + config.goal) * size, size)
         self.lstm = nn.LSTM(size, size, bidirectional=True, batch_first=True)
         self.dropout = nn.Dropout(config.dropout)
-        self.replace = nn.Linear(2 * size, len(VOCAB))
-        self.insert = nn.Linear(2 * size, SLOTS * len(VOCAB))
+        self.edits: ParallelEdits | SequentialEdits = (
+            ParallelEdits(2 * size, config.dropout)
+            if config.edits == "parallel"
+            else SequentialEdits(2 * size, size, dropout=config.dropout)
+        )
 
     def forward(
         self, batch: Batch, table: Float[Tensor, "row feature"]
-    ) -> tuple[Float[Tensor, "batch time vocab"], Float[Tensor, "batch time slot vocab"]]:
-        """Logits of each token's replacement, and of what is inserted in the gap behind it."""
+    ) -> Float[Tensor, "batch pair time memory"]:
+        """For each pair and token what the edits are decided on: ``x_s``, and its context to both sides."""
         x = self.represent(batch, table)
         programs, pairs, time, _ = x.shape
         lengths = (batch.tokens > 0).sum(1).repeat_interleave(pairs).cpu()
@@ -129,8 +137,7 @@ class Evaps(Repairer):
         packed = nn.utils.rnn.pack_padded_sequence(x, lengths, batch_first=True, enforce_sorted=False)
         outputs, _ = self.lstm(packed)
         padded, _ = nn.utils.rnn.pad_packed_sequence(outputs, batch_first=True, total_length=time)
-        pooled = self.dropout(padded.unflatten(0, (programs, pairs)).amax(1))
-        return self.replace(pooled), self.insert(pooled).unflatten(-1, (SLOTS, -1))
+        return padded.unflatten(0, (programs, pairs))
 
     def represent(
         self, batch: Batch, table: Float[Tensor, "row feature"]
@@ -178,17 +185,9 @@ class Evaps(Repairer):
         targets: Sequence[Program],
         table: Float[Tensor, "row feature"],
     ) -> Float[Tensor, ""]:
-        """Cross-entropy of the Levenshtein edits, a mean over a program's tokens, then over programs."""
-        batch = Batch.of(executions, table.device)
-        replace, insert = self(batch, table)
-        wanted = [edit_targets(e.program, target) for e, target in zip(executions, targets, strict=True)]
-        real = batch.tokens > 0
-        share = (real / real.sum(1, keepdim=True))[real] / len(executions)
-        tokens = torch.tensor([t for row, _ in wanted for t in row], device=table.device)
-        slots = torch.tensor([s for _, rows in wanted for s in rows], device=table.device)
-        replaced = F.cross_entropy(replace[real].float(), tokens, reduction="none")
-        inserted = F.cross_entropy(insert[real].float().transpose(1, 2), slots, reduction="none").sum(1)
-        return ((replaced + inserted) * share).sum()
+        """Cross-entropy of the Levenshtein edits, a mean over a program's edits, then over programs."""
+        memory = self(Batch.of(executions, table.device), table)
+        return self.edits.loss(memory, [e.program for e in executions], targets)
 
     @torch.inference_mode()
     def repair(
@@ -198,12 +197,9 @@ class Evaps(Repairer):
         tried: Sequence[set[Program]],
     ) -> list[Program | None]:
         """See :meth:`Repairer.repair`."""
-        replace, insert = self(Batch.of(executions, table.device), table)
-        replace = replace.float().log_softmax(-1).cpu().numpy()
-        insert = insert.float().log_softmax(-1).cpu().numpy()
-        repaired: list[Program | None] = []
-        for row, execution in enumerate(executions):
-            length = len(execution.program.tokens)
-            programs = decode_edits(replace[row, :length], insert[row, :length], self.config.beam)
-            repaired.append(next((p for p in programs if p not in tried[row]), None))
-        return repaired
+        memory = self(Batch.of(executions, table.device), table)
+        decoded = self.edits.decode(memory, [e.program for e in executions], self.config.beam)
+        return [
+            next((program for program in programs if program not in old), None)
+            for programs, old in zip(decoded, tried, strict=True)
+        ]

@@ -11,9 +11,9 @@ import torch
 from evaps.dsl import Program
 from evaps.models import Model
 from evaps.models.base import Repairer
+from evaps.models.beam import Proposal, beam_search
 from evaps.models.compute import autocast
 from evaps.robots.memo import MemoRobot
-from evaps.synthesis.beam import Proposal, beam_search
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt, best_first
 from evaps.tasks.task import Task

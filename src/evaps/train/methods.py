@@ -21,11 +21,11 @@ from torch import Tensor
 from evaps.dsl import VOCAB, GrammarState, Program, UserError
 from evaps.models import load_encoder, load_method, new_method
 from evaps.models.base import Repairer, Synthesizer, pad
+from evaps.models.beam import MAX_TOKENS, beam_search
 from evaps.models.checkpoint import save_checkpoint
 from evaps.models.compute import autocast, device
 from evaps.models.encoder import EncoderConfig, TransitionModel
 from evaps.robots.base import Scene
-from evaps.synthesis.beam import MAX_TOKENS, beam_search
 from evaps.synthesis.features import dataset_features
 from evaps.synthesis.mistakes import Mistakes, generate_mistakes
 from evaps.tasks.dataset import Dataset
@@ -159,14 +159,8 @@ class _Run:
     @cached_property
     def _features(self) -> np.ndarray[Any, np.dtype[np.float16]]:
         """Of every example's first and last observation, ``[task, pair, 2, feature]``."""
-        return dataset_features(
-            self.dataset, load_encoder(self.out / "encoder").to(device()), self._encoder_hash
-        )
-
-    @cached_property
-    def _encoder_hash(self) -> str:
-        weights = (self.out / "encoder" / "model.safetensors").read_bytes()
-        return hashlib.sha256(weights).hexdigest()[:12]
+        folder = self.out / "encoder"
+        return dataset_features(self.dataset, load_encoder(folder).to(device()), _hash(folder))
 
     def _start_from_pairs(self, model: torch.nn.Module) -> None:
         """The embedding of pairs starts from stage 0's, which has seen far more pairs than there are."""
@@ -197,7 +191,8 @@ class _Run:
         positions = self.dataset.split(split)[:tasks]
         synthesizer = load_method(self.out / "lgrl", "lgrl").to(device())
         assert isinstance(synthesizer, Synthesizer)
-        folder = self.dataset.folder / f"mistakes-{split}-{self._encoder_hash}"
+        made_with = _hash(self.out / "encoder") + _hash(self.out / "lgrl")
+        folder = self.dataset.folder / f"mistakes-{split}-{made_with}"
         failures: dict[int, list[str]] = {}
         if len(list(folder.glob("*.parquet"))) < -(-len(positions) // 50):
             torch.manual_seed(self.seed)
@@ -229,6 +224,11 @@ class _Run:
         }
         save_checkpoint(self.out / name, model, name, facts)
         return self.out / name
+
+
+def _hash(checkpoint: Path) -> str:
+    """Of a checkpoint's weights, for the names of what is made with them."""
+    return hashlib.sha256((checkpoint / "model.safetensors").read_bytes()).hexdigest()[:12]
 
 
 def _start(row: dict[str, Any], example: int) -> tuple[Scene, tuple[str, ...]]:

@@ -1,6 +1,7 @@
-"""Edits of a program, token by token: what to learn, and how to decode them so that what comes out parses.
+"""Edits of all tokens at once, the literal reading of EVAPS: what to learn, and how to decode them.
 
-Each token is replaced (by itself: kept) or deleted, and behind each up to ``SLOTS`` tokens are inserted.
+Each token is replaced (by itself: kept) or deleted, and behind each up to ``SLOTS`` tokens are inserted. No
+edit knows the others; the grammar alone decides which of them can stand together.
 """
 
 from __future__ import annotations
@@ -10,14 +11,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import torch
+from jaxtyping import Float
 from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional as F
 
 from evaps.dsl import VOCAB, GrammarState, Program
 from evaps.dsl.alignment import align
+from evaps.models.beam import MAX_TOKENS
 
 SLOTS = 8  # the paper inserts nothing or says nothing about it; a whole `IF c( ... c) i(` fits into 8
 DELETE = NOTHING = 0  # <pad> is no token of any program, so its id says: no token here
-MAX_TOKENS = 32
 _PRUNE = 6.0  # options that are e^6 times less likely than the best one are not looked at
 
 Scores = NDArray[np.float32]
@@ -113,3 +118,52 @@ def _best(hypotheses: Iterator[_Edited], beam: int) -> list[_Edited]:
         if len(kept) == beam:
             break
     return list(kept.values())
+
+
+class ParallelEdits(nn.Module):
+    """A linear layer for the replacement of each token, and one for what is inserted behind it.
+
+    Args:
+        memory: size of a token's representation.
+        dropout: on the representations, pooled over pairs.
+    """
+
+    def __init__(self, memory: int, dropout: float = 0.2) -> None:
+        super().__init__()
+        self.dropout = nn.Dropout(dropout)
+        self.replace = nn.Linear(memory, len(VOCAB))
+        self.insert = nn.Linear(memory, SLOTS * len(VOCAB))
+
+    def forward(
+        self, memory: Float[Tensor, "batch pair time memory"]
+    ) -> tuple[Float[Tensor, "batch time vocab"], Float[Tensor, "batch time slot vocab"]]:
+        """Logits of each token's replacement, and of what is inserted in the gap behind it."""
+        pooled = self.dropout(memory.amax(1))
+        return self.replace(pooled), self.insert(pooled).unflatten(-1, (SLOTS, -1))
+
+    def loss(
+        self,
+        memory: Float[Tensor, "batch pair time memory"],
+        before: Sequence[Program],
+        after: Sequence[Program],
+    ) -> Float[Tensor, ""]:
+        """Cross-entropy of the edits, a mean over a program's tokens, then over programs (Eq. 3)."""
+        replace, insert = self(memory)
+        lengths = torch.tensor([len(program.tokens) for program in before], device=memory.device)
+        real = torch.arange(memory.shape[2], device=memory.device) < lengths[:, None]
+        share = (real / lengths[:, None])[real] / len(before)
+        wanted = [edit_targets(b, a) for b, a in zip(before, after, strict=True)]
+        tokens = torch.tensor([t for row, _ in wanted for t in row], device=memory.device)
+        slots = torch.tensor([s for _, rows in wanted for s in rows], device=memory.device)
+        replaced = F.cross_entropy(replace[real].float(), tokens, reduction="none")
+        inserted = F.cross_entropy(insert[real].float().transpose(1, 2), slots, reduction="none").sum(1)
+        return ((replaced + inserted) * share).sum()
+
+    def decode(
+        self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
+    ) -> list[list[Program]]:
+        """For each program what it may become, most probable first; everything parses."""
+        replace, insert = (logits.float().log_softmax(-1).cpu().numpy() for logits in self(memory))
+        lengths = [len(program.tokens) for program in before]
+        rows = zip(replace, insert, lengths, strict=True)
+        return [list(decode_edits(r[:length], i[:length], beam)) for r, i, length in rows]

@@ -8,7 +8,8 @@ from evaps.dsl import VOCAB, Program
 from evaps.dsl.alignment import align
 from evaps.dsl.mutation import mutate
 from evaps.dsl.sampler import sample_program
-from evaps.models.edits import MAX_TOKENS, SLOTS, decode_edits, edit_targets
+from evaps.models.beam import MAX_TOKENS
+from evaps.models.parallel_edits import SLOTS, decode_edits, edit_targets
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -1,0 +1,205 @@
+"""Edits one after the other: what to learn, what is allowed, and a decoder that writes them.
+
+The form of the edit decoder in Gupta et al., "Synthesize, Execute and Debug", NeurIPS 2020: a pointer walks
+over the wrong program; at each step its token is kept, deleted or replaced, or a token is inserted before it.
+Each choice knows the earlier ones, so that edits which belong together are made together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from evaps.dsl import VOCAB, GrammarState, Program
+from evaps.dsl.alignment import align
+from evaps.models.base import pad
+from evaps.models.beam import MAX_TOKENS, Chosen, search
+
+KEEP, DELETE = 0, 1
+INSERT, REPLACE = 2, 2 + len(VOCAB)  # plus the token's id
+EDITS = 2 + 2 * len(VOCAB)
+_LONGEST = 2 * MAX_TOKENS  # every token of one program deleted, every token of another inserted
+
+
+def edits_between(before: Program, after: Program) -> list[int]:
+    """The edits that turn one program into another, by a shortest alignment; the last one is a KEEP."""
+    choices = {
+        "keep": lambda edit: KEEP,
+        "delete": lambda edit: DELETE,
+        "insert": lambda edit: INSERT + VOCAB.ids[edit.new],
+        "replace": lambda edit: REPLACE + VOCAB.ids[edit.new],
+    }
+    return [choices[edit.kind](edit) for edit in align(before.tokens, after.tokens)]
+
+
+@dataclass(frozen=True)
+class Edited:
+    """A program whose left part is edited.
+
+    The last token, which closes every program, is kept and stands nowhere else: it ends the editing.
+
+    Attributes:
+        before: ids of the program's tokens.
+        pointer: the next token of it.
+        tokens: ids of what the left part became.
+        grammar: what may follow it.
+    """
+
+    before: tuple[int, ...]
+    pointer: int
+    tokens: tuple[int, ...]
+    grammar: GrammarState
+
+    @classmethod
+    def start(cls, program: Program) -> Edited:
+        """Nothing is edited yet."""
+        return cls(tuple(VOCAB.encode(program.tokens)), 0, (), GrammarState.start())
+
+    @property
+    def finished(self) -> bool:
+        """Whether the result is a whole program."""
+        return self.grammar.finished
+
+    @cached_property
+    def program(self) -> Program:
+        """The result, when it is finished."""
+        return Program.from_tokens(VOCAB.decode(self.tokens))
+
+    def allowed(self) -> NDArray[np.bool_]:
+        """Which edits lead to a program of at most MAX_TOKENS: bool ``[EDITS]``."""
+        fits = self.grammar.allowed_within(MAX_TOKENS - len(self.tokens))
+        current, closing = self.before[self.pointer], self.before[-1]
+        last = self.pointer == len(self.before) - 1
+        mask = np.zeros(EDITS, np.bool_)
+        mask[KEEP], mask[DELETE] = fits[current], not last
+        mask[INSERT:REPLACE] = fits
+        mask[INSERT + closing] = False
+        if not last:
+            mask[REPLACE:] = fits
+            mask[[REPLACE + closing, REPLACE + current]] = False
+        return mask
+
+    def advance(self, choice: int) -> Edited:
+        """With one more edit."""
+        token = self.before[self.pointer] if choice == KEEP else written_token(choice)
+        pointer = self.pointer + (not INSERT <= choice < REPLACE)
+        if choice == DELETE:
+            return Edited(self.before, pointer, self.tokens, self.grammar)
+        return Edited(self.before, pointer, (*self.tokens, token), self.grammar.advance(token))
+
+
+def written_token(choice: int) -> int:
+    """The id of the token that an INSERT or a REPLACE writes."""
+    return (choice - INSERT) % len(VOCAB)
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """The way from a wrong program to its target, edit by edit.
+
+    Attributes:
+        choices: the edits.
+        pointers: where in the wrong program each one happens.
+        masks: which edits were allowed, ``[edit, EDITS]``.
+    """
+
+    choices: list[int]
+    pointers: list[int]
+    masks: NDArray[np.bool_]
+
+    @classmethod
+    @lru_cache(maxsize=100_000)  # the same ones come up in every epoch
+    def of(cls, before: Program, after: Program) -> Lesson:
+        """By a shortest alignment."""
+        partial, choices = Edited.start(before), edits_between(before, after)
+        pointers, masks = [], []
+        for choice in choices:
+            pointers.append(partial.pointer)
+            masks.append(partial.allowed())
+            partial = partial.advance(choice)
+        return cls(choices, pointers, np.stack(masks))
+
+
+class SequentialEdits(nn.Module):
+    """An LSTM per pair over the edits; the top states are max-pooled over the pairs.
+
+    Args:
+        memory: size of a token's representation.
+        hidden: of the LSTM, and of an edit's embedding.
+        layers: of the LSTM.
+        dropout: on what goes into the LSTM and on what comes out.
+    """
+
+    def __init__(self, memory: int, hidden: int, layers: int = 2, dropout: float = 0.2) -> None:
+        super().__init__()
+        self.edit = nn.Embedding(EDITS + 1, hidden)  # the last one stands for the start
+        self.lstm = nn.LSTM(hidden + memory, hidden, layers, batch_first=True)
+        self.dropout = nn.Dropout(dropout)
+        self.output = nn.Linear(hidden, EDITS)
+
+    def loss(
+        self,
+        memory: Float[Tensor, "batch pair time memory"],
+        before: Sequence[Program],
+        after: Sequence[Program],
+    ) -> Float[Tensor, ""]:
+        """Cross-entropy of the edits, a mean over those of a program, then over programs."""
+        lessons = [Lesson.of(b, a) for b, a in zip(before, after, strict=True)]
+        choices = pad([lesson.choices for lesson in lessons], -1).to(memory.device)
+        pointers = pad([lesson.pointers for lesson in lessons]).to(memory.device)
+        masks = np.ones((*choices.shape, EDITS), np.bool_)
+        for mask, lesson in zip(masks, lessons, strict=True):
+            mask[: len(lesson.choices)] = lesson.masks
+        last = F.pad(choices[:, :-1].clamp(min=0), (1, 0), value=EDITS)
+        logits, _ = self(memory, last, pointers, None)
+        logits = logits.float().masked_fill(~torch.from_numpy(masks).to(memory.device), -torch.inf)
+        losses = F.cross_entropy(logits.transpose(1, 2), choices, ignore_index=-1, reduction="none")
+        return (losses.sum(1) / (choices >= 0).sum(1)).mean()
+
+    def forward(
+        self,
+        memory: Float[Tensor, "batch pair time memory"],
+        last: Int[Tensor, "batch edit"],
+        pointers: Int[Tensor, "batch edit"],
+        hidden: tuple[Tensor, Tensor] | None,
+    ) -> tuple[Float[Tensor, "batch edit choice"], tuple[Tensor, Tensor]]:
+        """Logits of each edit, given the one before it and where the pointer stands."""
+        pairs = memory.shape[1]
+        rows = torch.arange(len(memory), device=memory.device)[:, None]
+        pointed = memory.transpose(1, 2)[rows, pointers].transpose(1, 2)
+        embedded = self.edit(last)[:, None].expand(-1, pairs, -1, -1)
+        given = self.dropout(torch.cat([embedded, pointed.to(embedded.dtype)], -1))
+        outputs, hidden = self.lstm(given.flatten(0, 1), hidden)
+        pooled = outputs.unflatten(0, (-1, pairs)).amax(1)
+        return self.output(self.dropout(pooled)), hidden
+
+    def decode(
+        self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
+    ) -> list[list[Program]]:
+        """For each program what it may become, most probable first; everything parses."""
+        pairs = memory.shape[1]
+        hidden: tuple[Tensor, Tensor] | None = None
+        owner = torch.arange(len(memory), device=memory.device)
+        last = torch.full_like(owner, EDITS)
+
+        def step(partials: Sequence[Edited], chosen: Chosen | None) -> Tensor:
+            nonlocal hidden, owner, last
+            if chosen is not None and hidden is not None:
+                rows, last = chosen
+                owner = owner[rows]
+                flat = (rows[:, None] * pairs + torch.arange(pairs, device=rows.device)).flatten()
+                hidden = (hidden[0][:, flat], hidden[1][:, flat])
+            pointers = torch.tensor([p.pointer for p in partials], device=memory.device)
+            logits, hidden = self(memory[owner], last[:, None], pointers[:, None], hidden)
+            return logits[:, 0]
+
+        found = search([Edited.start(program) for program in before], step, beam, _LONGEST)
+        return [list(dict.fromkeys(h.partial.program for h in group)) for group in found]

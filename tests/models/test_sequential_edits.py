@@ -1,0 +1,69 @@
+"""Edits one after the other: what is learned leads to the target; whatever is decoded parses."""
+
+import numpy as np
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evaps.dsl import Program
+from evaps.dsl.mutation import mutate
+from evaps.dsl.sampler import sample_program
+from evaps.models.beam import MAX_TOKENS
+from evaps.models.sequential_edits import Edited, Lesson, SequentialEdits, edits_between
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def two_programs(seed: int, times: int) -> tuple[Program, Program]:
+    rng = np.random.default_rng(seed)
+    target = sample_program(rng)
+    return (mutate(target, rng, times) if times else sample_program(rng)), target
+
+
+@settings(deadline=None, max_examples=60)
+@given(SEEDS, st.integers(0, 3))
+def test_the_edits_between_two_programs_are_allowed_and_lead_from_one_to_the_other(
+    seed: int, times: int
+) -> None:
+    before, after = two_programs(seed, times)
+    partial = Edited.start(before)
+    for choice in edits_between(before, after):
+        assert not partial.finished
+        assert partial.allowed()[choice]
+        partial = partial.advance(choice)
+    assert partial.finished
+    assert partial.program == after
+
+
+@settings(deadline=None, max_examples=60)
+@given(SEEDS)
+def test_any_allowed_edits_end_in_a_program_of_allowed_length(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    partial = Edited.start(sample_program(rng))
+    while not partial.finished:
+        allowed = np.flatnonzero(partial.allowed())
+        assert len(allowed) > 0
+        partial = partial.advance(int(rng.choice(allowed)))
+    assert Program.parse(str(partial.program)) == partial.program
+    assert len(partial.tokens) <= MAX_TOKENS
+
+
+def test_a_lesson_says_where_each_edit_happens() -> None:
+    before = Program.parse("DEF run m( MOVE_LEFT TURN_LEFT m)")
+    after = Program.parse("DEF run m( MOVE_LEFT ATTACK TURN_RIGHT m)")
+    lesson = Lesson.of(before, after)
+    assert lesson.pointers[:4] == [0, 1, 2, 3]
+    assert lesson.pointers[-1] == len(before.tokens) - 1
+    assert len(lesson.choices) == len(lesson.masks) == len(before.tokens) + 1
+
+
+def test_programs_are_decoded_together_as_alone_and_each_comes_once() -> None:
+    torch.manual_seed(0)
+    head = SequentialEdits(16, 32).eval()
+    programs = [two_programs(seed, 0)[0] for seed in range(3)]
+    memory = torch.randn(3, 5, max(len(p.tokens) for p in programs), 16)
+    together = head.decode(memory, programs, beam=6)
+    for i, program in enumerate(programs):
+        assert len(set(together[i])) == len(together[i])
+        alone = head.decode(memory[i : i + 1], [program], beam=6)[0]
+        assert alone == together[i]
