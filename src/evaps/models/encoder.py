@@ -77,7 +77,9 @@ class PairEmbedding(nn.Module):
 
     def __init__(self, feature: int, pair: int) -> None:
         super().__init__()
-        self.layers = nn.Sequential(nn.Linear(2 * feature, pair), nn.ReLU(), nn.Linear(pair, pair))
+        sizes = (2 * feature, 3 * feature, pair, pair)  # one hidden layer alone predicts actions less well
+        layers = [layer for a, b in pairwise(sizes) for layer in (nn.ReLU(), nn.Linear(a, b))]
+        self.layers = nn.Sequential(*layers[1:])
 
     def forward(
         self, before: Float[Tensor, "*batch feature"], after: Float[Tensor, "*batch feature"]
