@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -16,17 +18,15 @@ import pyarrow.parquet as pq
 import torch
 
 from evaps.dsl import Program, UserError, run
-from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.models import METHODS, Model, load_model, model_folder
 from evaps.models.checkpoint import read_config
 from evaps.robots.base import frame_match, state_match
 from evaps.robots.memo import MemoRobot
-from evaps.robots.workers import robot_map
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.repair import Meter, repair_all, run_proposals
 from evaps.synthesis.solution import Solution
-from evaps.tasks.dataset import Dataset, gold_task, write_table
-from evaps.tasks.progress import track
+from evaps.tasks.dataset import Dataset, write_table
+from evaps.tasks.parts import TaskPart, make_parts, task_parts
 from evaps.tasks.task import EXAMPLES, GoldTask, Task
 
 PART = 25  # tasks in a part
@@ -82,21 +82,23 @@ def match(program: Program, gold: GoldTask, robot: MemoRobot) -> Match:
 class EvaluationPart:
     """Some tasks and the models to try on them."""
 
-    path: Path
+    tasks: TaskPart
     model: str
     methods: tuple[str, ...]
-    rows: Sequence[dict[str, Any]]
-    goals: Sequence[list[bytes]]
     top_k: int
     rounds: int
+
+    @property
+    def path(self) -> Path:
+        """The file of its rows."""
+        return self.tasks.path
 
 
 def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> None:
     """Synthesize, judge and write the rows of a part."""
     torch.set_num_threads(1)  # every worker has one core
     rows: list[dict[str, Any]] = []
-    for row, goals in zip(part.rows, part.goals, strict=True):
-        gold = gold_task(row, goals)
+    for gold in part.tasks.golds():
         robot.forget()
         for method, solution in _solutions(part, gold.task, robot):
             rows += _rows(solution, gold, robot, _facts(part.model, method))
@@ -184,25 +186,23 @@ def evaluate(
     positions = dataset.split(split)[:tasks]
     if not positions:
         raise UserError(f"the data set has no split {split!r}; there are train, validation and test")
-    parts = []
-    folder = out.with_suffix(".parts")
-    for number, start in enumerate(range(0, len(positions), PART)):
-        chosen = positions[start : start + PART]
-        path = folder / f"part-{number:05d}.parquet"
-        goals = {} if path.exists() else {p: last for p, _, last in dataset.frames(chosen)}
-        task_rows = [dataset.rows[p] for p in chosen]
-        packed = [goals.get(p, []) for p in chosen]
-        parts.append(EvaluationPart(path, model, tuple(methods), task_rows, packed, top_k, rounds))
-    missing = [part for part in parts if not part.path.exists()]
-    results = robot_map(evaluate_part, missing, workers, PERCEPTION_KEYS)
-    for _ in track(results, len(positions), "tasks judged", (len(parts) - len(missing)) * PART, PART):
-        pass
-    table = pa.concat_tables([pq.read_table(part.path) for part in parts])
+    settings = (dataset.identity, _identity(model, methods), split, methods, top_k, rounds)
+    folder = out.with_suffix(f".parts-{hashlib.sha256(repr(settings).encode()).hexdigest()[:8]}")
+    parts = [
+        EvaluationPart(part, model, tuple(methods), top_k, rounds)
+        for part in task_parts(folder, dataset, positions, PART)
+    ]
+    paths = make_parts(evaluate_part, parts, workers, "tasks judged", PART)
+    table = pa.concat_tables([pq.read_table(path) for path in paths])
     write_table(out, table.to_pylist(), SCHEMA)
-    for part in parts:
-        part.path.unlink()
-    folder.rmdir()
+    shutil.rmtree(folder)
     return out
+
+
+def _identity(model: str, methods: Sequence[str]) -> list[str]:
+    """Hashes of the weights, so that an evaluation never goes on with parts of another model's."""
+    files = [model_folder(model) / name / "model.safetensors" for name in ("encoder", *methods)]
+    return [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
 
 
 METRICS = ("exact", "semantic_state", "generalization_state")

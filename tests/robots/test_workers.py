@@ -93,20 +93,37 @@ def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> bool:
     return condition()
 
 
-@pytest.mark.parametrize("to_the_group", [True, False], ids=["terminal", "kill"])
-@pytest.mark.parametrize("workers", [0, 2])
-def test_ctrl_c_leaves_no_engine_behind(
-    engines: Engines, tmp_path: Path, workers: int, to_the_group: bool
-) -> None:
+def start_job(tmp_path: Path, workers: int, engines: Engines) -> tuple["subprocess.Popen[bytes]", set[int]]:
+    """A program whose workers play, and their engines."""
     (tmp_path / "script.py").write_text(SCRIPT)
     command = [sys.executable, "script.py", str(Path(__file__).parent), str(workers)]
     job = subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
     )
     assert wait_for(lambda: len(engines(job.pid)) == max(workers, 1))
-    started = engines(job.pid)
+    return job, engines(job.pid)
+
+
+def all_gone(pids: set[int]) -> bool:
+    return not any(Path(f"/proc/{pid}").exists() for pid in pids)
+
+
+@pytest.mark.parametrize("to_the_group", [True, False], ids=["terminal", "kill"])
+@pytest.mark.parametrize("workers", [0, 2])
+def test_ctrl_c_leaves_no_engine_behind(
+    engines: Engines, tmp_path: Path, workers: int, to_the_group: bool
+) -> None:
+    job, started = start_job(tmp_path, workers, engines)
     time.sleep(0.2)
     (os.killpg if to_the_group else os.kill)(job.pid, signal.SIGINT)
     output = job.communicate(timeout=60)[0]
     assert (job.returncode, output) == (130, b"")
-    assert wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in started), 10)
+    assert wait_for(lambda: all_gone(started), 10)
+
+
+def test_a_killed_parent_leaves_no_worker_behind(engines: Engines, tmp_path: Path) -> None:
+    job, started = start_job(tmp_path, 2, engines)
+    children = Path(f"/proc/{job.pid}/task/{job.pid}/children").read_text().split()
+    job.kill()
+    job.communicate(timeout=60)
+    assert wait_for(lambda: all_gone({*started, *map(int, children)}), 10)

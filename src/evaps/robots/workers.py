@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from functools import cache
+from multiprocessing import connection
 from typing import Any, ClassVar, TypeVar
 
 from evaps.robots.base import EngineError, Scene
@@ -80,6 +83,8 @@ class _WorkerRobot(DoomRobot):
 
 
 def _start_worker(started: Any, stop: Any) -> None:
+    os.setpgid(0, 0)  # with its engine, so that one signal ends both
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     _WorkerRobot.stop = stop
     with started.get_lock():
         number = started.value
@@ -87,6 +92,14 @@ def _start_worker(started: Any, stop: Any) -> None:
     if hasattr(os, "sched_getaffinity"):
         cores = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, {cores[number % len(cores)]})
+
+
+def _end_with_parent() -> None:
+    """Nothing stays behind if the parent is killed."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    connection.wait([parent.sentinel])
+    os.killpg(0, signal.SIGKILL)
 
 
 @cache

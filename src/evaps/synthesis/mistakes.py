@@ -15,16 +15,14 @@ import torch
 
 from evaps.dsl import Program
 from evaps.dsl.mutation import mutate
-from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.models import load_encoder
 from evaps.models.base import Execution
 from evaps.models.encoder import Encoder
 from evaps.robots.memo import MemoRobot
-from evaps.robots.workers import robot_map
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.solution import attempt
-from evaps.tasks.dataset import Dataset, gold_task, write_table
-from evaps.tasks.progress import track
+from evaps.tasks.dataset import Dataset, write_table
+from evaps.tasks.parts import TaskPart, make_parts, task_parts
 from evaps.tasks.task import GoldTask
 
 TASKS = 50  # in a part
@@ -48,33 +46,34 @@ class MistakePart:
     """Some training tasks and the wrong programs to run on them.
 
     Attributes:
-        path: the Parquet file to write; the embeddings lie beside it as ``.npy``.
+        tasks: the tasks, and the Parquet file to write; the embeddings lie beside it as ``.npy``.
         encoder: folder of the encoder's checkpoint.
-        rows: the tasks, as in :attr:`Dataset.rows`.
-        goals: their goal frames, packed.
         failures: for each task, programs of the synthesizer (stage 2); those that are right are left out.
         mutations: how many mutations of each gold program are run (stage 1).
         seed: of the mutations.
     """
 
-    path: Path
+    tasks: TaskPart
     encoder: Path
-    rows: Sequence[dict[str, Any]]
-    goals: Sequence[list[bytes]]
     failures: Sequence[Sequence[str]]
     mutations: int
     seed: int
+
+    @property
+    def path(self) -> Path:
+        """The Parquet file."""
+        return self.tasks.path
 
 
 def make_mistakes(robot: MemoRobot, part: MistakePart) -> None:
     """Run the wrong programs of a part and write what was seen."""
     torch.set_num_threads(1)  # every worker has one core
     table = FeatureTable(_encoder(part.encoder))
-    rng = np.random.default_rng([part.seed, 2, *(row["index"] for row in part.rows[:1])])
+    rng = np.random.default_rng([part.seed, 2, part.tasks.rows[0]["index"]])
     rows: list[dict[str, Any]] = []
-    for row, goals, failures in zip(part.rows, part.goals, part.failures, strict=True):
+    for gold, failures in zip(part.tasks.golds(), part.failures, strict=True):
         robot.forget()
-        rows += _mistakes(gold_task(row, goals), failures, part.mutations, robot, table, rng)
+        rows += _mistakes(gold, failures, part.mutations, robot, table, rng)
     part.path.parent.mkdir(parents=True, exist_ok=True)
     np.save(part.path.with_suffix(".npy"), table.table.half().numpy())
     write_table(part.path, rows, SCHEMA)
@@ -122,22 +121,11 @@ def generate_mistakes(
     workers: int,
 ) -> list[Path]:
     """Run wrong programs on tasks of a data set, or go on with it; the files that hold them."""
-    parts = []
-    for number, start in enumerate(range(0, len(positions), TASKS)):
-        chosen = positions[start : start + TASKS]
-        path = folder / f"mistakes-{number:05d}.parquet"
-        goals = {} if path.exists() else {p: last for p, _, last in dataset.frames(chosen)}
-        rows = [dataset.rows[p] for p in chosen]
-        wrong = [failures.get(p, []) for p in chosen]
-        parts.append(
-            MistakePart(path, encoder, rows, [goals.get(p, []) for p in chosen], wrong, mutations, seed)
-        )
-    missing = [part for part in parts if not part.path.exists()]
-    done = (len(parts) - len(missing)) * TASKS
-    results = robot_map(make_mistakes, missing, workers, PERCEPTION_KEYS)
-    for _ in track(results, len(parts) * TASKS, "tasks with mistakes", done, TASKS):
-        pass
-    return [part.path for part in parts]
+    parts = [
+        MistakePart(tasks, encoder, [failures.get(p, []) for p in tasks.positions], mutations, seed)
+        for tasks in task_parts(folder, dataset, positions, TASKS)
+    ]
+    return make_parts(make_mistakes, parts, workers, "tasks with mistakes", TASKS)
 
 
 @dataclass(frozen=True)

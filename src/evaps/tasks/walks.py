@@ -15,10 +15,9 @@ from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.robots.base import Scene, WorldState
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
-from evaps.robots.workers import robot_map
 from evaps.tasks.dataset import write_table
 from evaps.tasks.frames import pack_frame
-from evaps.tasks.progress import track
+from evaps.tasks.parts import make_parts
 
 LENGTH = 8  # actions in a walk
 PART = 250  # walks in a file
@@ -108,12 +107,7 @@ def generate_walks(
     parts = [WalkPart(folder, seed, n) for n in range(-(-walks // PART))]
     for i in range(0, len(starts), PART):
         parts.append(WalkPart(folder, seed, len(parts), tuple(starts[i : i + PART])))
-    missing = [part for part in parts if not part.path.exists()]
-    done = (len(parts) - len(missing)) * PART
-    results = robot_map(make_walks, missing, workers, PERCEPTION_KEYS)
-    for _ in track(results, len(parts) * PART, "random walks", done, PART):
-        pass
-    return [part.path for part in parts]
+    return make_parts(make_walks, parts, workers, "random walks", PART)
 
 
 @dataclass(frozen=True)
