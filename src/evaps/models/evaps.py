@@ -54,8 +54,8 @@ class EvapsConfig:
     """Whether all tokens are edited at once, as the paper says, or one after the other, as in SED."""
     dropout: float = 0.2
     """On token representations and on the decoder's output."""
-    beam: int = 8
-    """Left parts kept while edits are decoded."""
+    beam: int = 4
+    """Edited left parts kept while decoding."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Evaps(Repairer):
     """Per token ``x_s = [h'_s | O'_s]`` (Eq. 6), a decoder over the tokens, late max-pool over pairs.
 
     Before the decoder, a bidirectional LSTM goes over the token representations of each pair (this project's
-    choice). The paper decodes all tokens at once; edits that know of each other do better (docs/methods.md).
+    choice). The paper edits all tokens at once; whether they are edited one after the other is a flag.
     """
 
     name: ClassVar[str] = "evaps"

@@ -125,7 +125,7 @@ class _Run:
             first_five = np.tile(np.arange(5), (batch, 1))
             parts = [held[i : i + batch] for i in range(0, len(held), batch)]
             losses = [loss_of(p, first_five[: len(p)]).item() for p in parts]
-            return {"loss": float(np.mean(losses)), "exact": self._exact(model, held[:256])}
+            return {"loss": float(np.mean(losses)), "exact": self._exact(model, held)}
 
         metrics = fit(model, loss_at, config, self.out / model.name, validate, 250, "exact")
         return self._save(model, model.name, config, metrics)
