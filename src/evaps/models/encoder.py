@@ -67,17 +67,32 @@ class Encoder(nn.Module):
         return torch.get_autocast_dtype(kind) if torch.is_autocast_enabled(kind) else self.linear.weight.dtype
 
 
+@dataclass(frozen=True)
+class PairConfig:
+    """Sizes of the embedding of a pair."""
+
+    feature: int = 256
+    """Size of an observation's embedding."""
+    pair: int = 512
+    """Size of the embedding of a pair of observations."""
+
+
 class PairEmbedding(nn.Module):
     """Embeds two observations, such as a first and a last one: what must have happened in between.
 
     Args:
-        feature: size of an observation's embedding.
-        pair: size of the result.
+        config: sizes.
     """
 
-    def __init__(self, feature: int, pair: int) -> None:
+    def __init__(self, config: PairConfig) -> None:
         super().__init__()
-        sizes = (2 * feature, 3 * feature, pair, pair)  # one hidden layer alone predicts actions less well
+        self.config = config
+        sizes = (
+            2 * config.feature,
+            3 * config.feature,
+            config.pair,
+            config.pair,
+        )  # one hidden layer alone predicts actions less well
         layers = [layer for a, b in pairwise(sizes) for layer in (nn.ReLU(), nn.Linear(a, b))]
         self.layers = nn.Sequential(*layers[1:])
 
@@ -125,7 +140,7 @@ class TransitionModel(nn.Module):
         super().__init__()
         self.config = config
         self.encoder = Encoder(config)
-        self.pair = PairEmbedding(config.feature, config.pair)
+        self.pair = PairEmbedding(PairConfig(config.feature, config.pair))
         self.perceptions = nn.Linear(config.feature, config.perceptions)
         self.counts = nn.Linear(config.pair, config.actions * (config.longest + 1))
         self.ends = nn.Linear(config.pair, 2 * config.actions)

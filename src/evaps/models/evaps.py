@@ -20,7 +20,7 @@ from torch_geometric.nn import GATv2Conv
 
 from evaps.dsl import TOKEN_TYPES, VOCAB, Program, token_type
 from evaps.models.base import Execution, Repairer, pad
-from evaps.models.encoder import PairEmbedding
+from evaps.models.encoder import PairConfig, PairEmbedding
 from evaps.models.parallel_edits import ParallelEdits
 from evaps.models.sequential_edits import SequentialEdits
 
@@ -104,7 +104,7 @@ class Evaps(Repairer):
         super().__init__()
         self.config = config
         size = config.hidden
-        self.pair = PairEmbedding(config.feature, config.pair)
+        self.pair = PairEmbedding(PairConfig(config.feature, config.pair))
         self.token = nn.Embedding(len(VOCAB), size, padding_idx=0)
         self.token_type = nn.Embedding(len(TOKEN_TYPES), size, padding_idx=0)
         layer = (size, size // config.heads, config.heads)

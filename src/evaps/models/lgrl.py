@@ -17,7 +17,7 @@ from torch.nn import functional as F
 
 from evaps.dsl import VOCAB
 from evaps.models.base import Features, Synthesizer
-from evaps.models.encoder import PairEmbedding
+from evaps.models.encoder import PairConfig, PairEmbedding
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class LGRL(Synthesizer):
     def __init__(self, config: LGRLConfig = LGRLConfig()) -> None:
         super().__init__()
         self.config = config
-        self.pair = PairEmbedding(config.feature, config.pair)
+        self.pair = PairEmbedding(PairConfig(config.feature, config.pair))
         self.embedding = nn.Embedding(len(VOCAB), config.embedding)  # <pad> stands for the start
         self.lstm = nn.LSTM(config.embedding + config.pair, config.hidden, config.layers, batch_first=True)
         self.dropout = nn.Dropout(config.dropout)

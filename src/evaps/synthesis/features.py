@@ -59,7 +59,7 @@ def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> np.ndarray
         encoder: in evaluation mode.
         key: tells this encoder from others.
     """
-    path = dataset.folder / f"features-{key}.npy"
+    path = dataset.folder / f"features-{key}-{len(dataset)}.npy"
     if not path.exists():
         out = np.empty((len(dataset), 6, 2, encoder.config.feature), np.float16)
         frames = dataset.frames(range(len(dataset)))

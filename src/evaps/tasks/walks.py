@@ -17,6 +17,7 @@ from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
 from evaps.tasks.dataset import write_table
 from evaps.tasks.frames import pack_frame
+from evaps.tasks.identity import short_hash
 from evaps.tasks.parts import make_parts
 
 LENGTH = 8  # actions in a walk
@@ -50,7 +51,8 @@ class WalkPart:
     @property
     def path(self) -> Path:
         """Where the walks are written."""
-        return self.folder / f"walks-{self.number:05d}.parquet"
+        key = short_hash([self.seed, [[scene.to_json(), actions] for scene, actions in self.starts]])
+        return self.folder / f"walks-{self.number:05d}-{key}.parquet"
 
 
 def make_walks(robot: MemoRobot, part: WalkPart) -> None:

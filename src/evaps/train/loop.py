@@ -6,13 +6,14 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
+from evaps.dsl import UserError
 from evaps.models.compute import autocast
 from evaps.tasks.progress import track
 
@@ -54,6 +55,7 @@ def fit(
     validate: Callable[[], dict[str, float]],
     validate_every: int,
     select: str,
+    made_from: dict[str, Any] | None = None,
 ) -> dict[str, float]:
     """Minimise ``loss_at(step)``; stopped at any moment, the same call goes on with the same result.
 
@@ -65,13 +67,18 @@ def fit(
         validate: metrics on held-out data.
         validate_every: steps between two validations; there is one more at the end.
         select: which of these metrics should be high; the model ends with the weights of its best time.
+        made_from: all else that the result depends on, as JSON values; other settings do not go on with it.
 
     Returns:
         the metrics of that time.
+
+    Raises:
+        UserError: the folder holds a training with other settings.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    settings = json.dumps({**asdict(config), **(made_from or {})}, sort_keys=True)
     optimizer = torch.optim.Adam(model.parameters(), lr=config.rate)
-    start, metrics = _resume(folder, model, optimizer)
+    start, metrics = _resume(folder, model, optimizer, settings)
     saved = time.monotonic()
     for step in track(range(start, config.steps), config.steps, folder.name, start):
         metrics_now = _step(model, optimizer, loss_at, config, step)
@@ -82,11 +89,12 @@ def fit(
             metrics_now |= found
             if found[f"validation_{select}"] > metrics.get(f"validation_{select}", -math.inf):
                 metrics = {"best_step": step, **found}
-                torch.save(model.state_dict(), folder / "best.pt")
+                _write(model.state_dict(), folder / "best.pt")
         if step % config.log_every == 0 or validated:
             _log(folder, {"step": step, **metrics_now})
         if time.monotonic() - saved > config.save_every or last:
-            _save(folder, model, optimizer, step + 1, metrics)
+            state = {"model": model.state_dict(), "optimizer": optimizer.state_dict(), "step": step + 1}
+            _write({**state, "metrics": metrics, "settings": settings}, folder / "state.pt")
             saved = time.monotonic()
     model.load_state_dict(torch.load(folder / "best.pt", weights_only=True))
     model.eval()
@@ -120,24 +128,20 @@ def _log(folder: Path, row: dict[str, Any]) -> None:
         file.write(json.dumps({key: round(value, 5) for key, value in row.items()}) + "\n")
 
 
-def _save(
-    folder: Path, model: nn.Module, optimizer: torch.optim.Adam, step: int, metrics: dict[str, float]
-) -> None:
-    part = folder / ".state.part"
-    state = {
-        "model": model.state_dict(),
-        "optimizer": optimizer.state_dict(),
-        "step": step,
-        "metrics": metrics,
-    }
+def _write(state: dict[str, Any], path: Path) -> None:
+    part = path.with_suffix(".part")
     torch.save(state, part)
-    part.replace(folder / "state.pt")
+    part.replace(path)
 
 
-def _resume(folder: Path, model: nn.Module, optimizer: torch.optim.Adam) -> tuple[int, dict[str, float]]:
+def _resume(
+    folder: Path, model: nn.Module, optimizer: torch.optim.Adam, settings: str
+) -> tuple[int, dict[str, float]]:
     if not (folder / "state.pt").exists():
         return 0, {}
     state = torch.load(folder / "state.pt", weights_only=True)
+    if state.get("settings") != settings:
+        raise UserError(f"{folder} holds a training with other settings; delete it or use another folder")
     model.load_state_dict(state["model"])
     optimizer.load_state_dict(state["optimizer"])
     return int(state["step"]), state["metrics"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import subprocess
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
@@ -15,20 +14,20 @@ from typing import Any
 
 import numpy as np
 import torch
-from safetensors.torch import load_file
 from torch import Tensor
 
 from evaps.dsl import VOCAB, GrammarState, Program, UserError
 from evaps.models import load_encoder, load_method, new_method
 from evaps.models.base import Repairer, Synthesizer, pad
 from evaps.models.beam import MAX_TOKENS, beam_search
-from evaps.models.checkpoint import save_checkpoint
+from evaps.models.checkpoint import load_weights, read_config, save_checkpoint
 from evaps.models.compute import autocast, device
 from evaps.models.encoder import EncoderConfig, TransitionModel
 from evaps.robots.base import Scene
 from evaps.synthesis.features import dataset_features
-from evaps.synthesis.mistakes import Mistakes, generate_mistakes
+from evaps.synthesis.mistakes import TASKS, Mistakes, generate_mistakes
 from evaps.tasks.dataset import Dataset
+from evaps.tasks.identity import code_version, short_hash
 from evaps.tasks.progress import track
 from evaps.tasks.walks import Walks, generate_walks
 from evaps.train import encoder as stage0
@@ -74,7 +73,7 @@ class _Run:
     ) -> None:
         self.dataset, self.out, self.scale, self.seed, self.workers = dataset, out, scale, seed, workers
         self.scale_name = scale_name
-        self.start = time.monotonic()
+        self.start, self.commit = time.monotonic(), code_version()
 
     def train_encoder(self) -> Path:
         rows = [self.dataset.rows[p] for p in self.dataset.split("train")[: self.scale.task_walks]]
@@ -87,17 +86,23 @@ class _Run:
         config = FitConfig(self.scale.encoder_steps, rate=1e-3, seed=self.seed)
         loss_at = stage0.encoder_loss(model, batches)
         metrics = fit(
-            model, loss_at, config, self.out / "encoder", stage0.validate(model, batches), 500, "counts"
+            model,
+            loss_at,
+            config,
+            self.out / "encoder",
+            stage0.validate(model, batches),
+            500,
+            "counts",
+            self._made_from(model),
         )
-        self._save(model.encoder, "encoder", config, metrics)
-        model.pair.config = model.config  # type: ignore[assignment]
         self._save(model.pair, "pair", config, metrics)
-        return self.out / "encoder"
+        return self._save(model.encoder, "encoder", config, metrics)
 
     def train_synthesizer(self, model: Synthesizer) -> Path:
         self._start_from_pairs(model)
         batch = self.scale.lgrl_batch
         config = FitConfig(self.scale.lgrl_steps, rate=1e-3, seed=self.seed)
+        made_from = self._made_from(model, "encoder", "pair")
         train, held = self.dataset.split("train"), self.dataset.split("validation")[:VALIDATION_TASKS]
         rows_at = batch_at([len(self._programs[p]) for p in train], batch, self.seed)
         masks = {p: grammar_masks(self._programs[p]) for p in [*train, *held]}
@@ -127,7 +132,7 @@ class _Run:
             losses = [loss_of(p, first_five[: len(p)]).item() for p in parts]
             return {"loss": float(np.mean(losses)), "exact": self._exact(model, held)}
 
-        metrics = fit(model, loss_at, config, self.out / model.name, validate, 250, "exact")
+        metrics = fit(model, loss_at, config, self.out / model.name, validate, 250, "exact", made_from)
         return self._save(model, model.name, config, metrics)
 
     def train_repairer(self, model: Repairer) -> Path:
@@ -135,7 +140,8 @@ class _Run:
         train, held = (self._mistakes(s) for s in ("train", "validation"))
         first, second = self.scale.evaps_steps
         config = FitConfig(first + second, rate=1e-3, seed=self.seed)
-        stages = [np.flatnonzero([s >= stage for s in train.stages]) for stage in (0, 2)]
+        made_from = self._made_from(model, "encoder", "pair", "lgrl")
+        stages = [np.flatnonzero([s == stage for s in train.stages]) for stage in (1, 2)]
         lengths = [[len(train.targets[i].tokens) for i in stage] for stage in stages]
         orders = [batch_at(sizes, self.scale.evaps_batch, self.seed) for sizes in lengths]
         table, held_table = (torch.from_numpy(m.table).to(device()) for m in (train, held))
@@ -149,7 +155,7 @@ class _Run:
             likelihood = -_mean_loss(model, held, held_table)  # steadier than exact repairs, which are few
             return {"likelihood": likelihood, "exact": _exact_repairs(model, held, held_table)}
 
-        metrics = fit(model, loss_at, config, self.out / model.name, validate, 500, "likelihood")
+        metrics = fit(model, loss_at, config, self.out / model.name, validate, 500, "likelihood", made_from)
         return self._save(model, model.name, config, metrics)
 
     @cached_property
@@ -162,11 +168,21 @@ class _Run:
         folder = self.out / "encoder"
         return dataset_features(self.dataset, load_encoder(folder).to(device()), _hash(folder))
 
+    def _made_from(self, model: Any, *checkpoints: str) -> dict[str, Any]:
+        """All that a training depends on: its scale, its data, the model's sizes and what it starts from."""
+        hashes = {name: _hash(self.out / name) for name in checkpoints}
+        return {
+            "scale": asdict(self.scale),
+            "dataset": self.dataset.identity,
+            "model": asdict(model.config),
+            "checkpoints": hashes,
+        }
+
     def _start_from_pairs(self, model: torch.nn.Module) -> None:
         """The embedding of pairs starts from stage 0's, which has seen far more pairs than there are."""
-        path = self.out / "pair" / "model.safetensors"
-        weights = {key: value.float() for key, value in load_file(path).items()}
-        model.get_submodule("pair").load_state_dict(weights)
+        folder = self.out / "pair"
+        read_config(folder, "pair")
+        load_weights(folder, model.get_submodule("pair"))
 
     def _beam(self, model: Synthesizer, positions: Sequence[int], beam: int) -> list[list[Program]]:
         """The synthesizer's programs for tasks of the data set, from their five specification examples."""
@@ -187,21 +203,23 @@ class _Run:
 
     def _mistakes(self, split: str) -> Mistakes:
         """Mutations and the synthesizer's failures on tasks of a split, run and embedded once."""
-        tasks = self.scale.mistake_tasks if split == "train" else max(10, self.scale.mistake_tasks // 25)
+        scale = self.scale
+        tasks = scale.mistake_tasks if split == "train" else max(10, scale.mistake_tasks // 25)
         positions = self.dataset.split(split)[:tasks]
         synthesizer = load_method(self.out / "lgrl", "lgrl").to(device())
         assert isinstance(synthesizer, Synthesizer)
-        made_with = _hash(self.out / "encoder") + _hash(self.out / "lgrl")
-        folder = self.dataset.folder / f"mistakes-{split}-{made_with}"
+        parents = [_hash(self.out / name) for name in ("encoder", "lgrl")]
+        key = short_hash([parents, self.seed, scale.mutations, scale.failures, tasks])
+        folder = self.dataset.folder / f"mistakes-{split}-{key}"
         failures: dict[int, list[str]] = {}
-        if len(list(folder.glob("*.parquet"))) < -(-len(positions) // 50):
+        if len(list(folder.glob("*.parquet"))) < -(-len(positions) // TASKS):
             torch.manual_seed(self.seed)
             synthesizer.train()  # with dropout, since it knows these tasks better than any that it will meet
-            beams = self._beam(synthesizer, positions, max(8, self.scale.failures))
+            beams = self._beam(synthesizer, positions, max(8, scale.failures))
             failures = {p: self._wrong(p, b) for p, b in zip(positions, beams, strict=True)}
-        encoder, mutations = self.out / "encoder", self.scale.mutations
+        encoder = self.out / "encoder"
         paths = generate_mistakes(
-            folder, self.dataset, encoder, positions, failures, mutations, self.seed, self.workers
+            folder, self.dataset, encoder, positions, failures, scale.mutations, self.seed, self.workers
         )
         return Mistakes.read(paths)
 
@@ -216,7 +234,7 @@ class _Run:
             "dataset": self.dataset.identity,
             "fit": asdict(config),
             "metrics": {key: round(value, 5) for key, value in metrics.items()},
-            "commit": git_commit(),
+            "commit": self.commit,
             "evaps": version("evaps"),
             "torch": torch.__version__,
             "cores": os.cpu_count(),
@@ -227,7 +245,12 @@ class _Run:
 
 
 def _hash(checkpoint: Path) -> str:
-    """Of a checkpoint's weights, for the names of what is made with them."""
+    """Of a checkpoint's weights, for the names of what is made with them.
+
+    Raises:
+        CheckpointError: there is none.
+    """
+    read_config(checkpoint, checkpoint.name)
     return hashlib.sha256((checkpoint / "model.safetensors").read_bytes()).hexdigest()[:12]
 
 
@@ -266,14 +289,3 @@ def _exact_repairs(model: Repairer, mistakes: Mistakes, table: Tensor) -> float:
     executions = [mistakes.executions[i] for i in rows]
     repaired = model.repair(executions, table.float(), [{e.program} for e in executions])
     return float(np.mean([r == mistakes.targets[i] for i, r in zip(rows, repaired, strict=True)]))
-
-
-def git_commit() -> str:
-    """The commit of the code that runs, if it runs from a checkout."""
-    try:
-        out = subprocess.run(
-            ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, cwd=Path(__file__).parent
-        )
-    except OSError:
-        return "unknown"
-    return out.stdout.strip() or "unknown"
