@@ -25,8 +25,8 @@ from evaps.robots.memo import MemoRobot
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.repair import Meter, repair_all, run_proposals
 from evaps.synthesis.solution import Solution
-from evaps.tasks.dataset import Dataset, write_table
-from evaps.tasks.parts import TaskPart, make_parts, task_parts
+from evaps.tasks.dataset import Dataset, TaskPart, task_parts, write_table
+from evaps.tasks.parts import make_parts
 from evaps.tasks.task import EXAMPLES, GoldTask, Task
 
 PART = 25  # tasks in a part

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from evaps.dsl import VOCAB, Program
 from evaps.dsl.alignment import align
 from evaps.dsl.mutation import mutate
-from evaps.dsl.sampler import sample_program
-from evaps.models.beam import MAX_TOKENS
+from evaps.dsl.sampler import MAX_TOKENS, sample_program
 from evaps.models.parallel_edits import SLOTS, decode_edits, edit_targets
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from evaps.dsl import Program
 from evaps.dsl.mutation import mutate
-from evaps.dsl.sampler import sample_program
-from evaps.models.beam import MAX_TOKENS
+from evaps.dsl.sampler import MAX_TOKENS, sample_program
 from evaps.models.sequential_edits import Edited, Lesson, SequentialEdits, edits_between
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import count
 from typing import Any, Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from evaps.dsl.nodes import Action, Body, Condition, If, IfElse, Not, Perception, Repeat, Statement, While
+from evaps.dsl.nodes import Action, Condition, If, IfElse, Not, Perception, Repeat, Statement, While
 from evaps.dsl.program import Program
 
 O = TypeVar("O")  # noqa: E741 - the paper's letter for an observation
@@ -161,12 +160,30 @@ def _compiled(program: Program) -> _Step:
     """The program as one function, made once: types and segments are not looked up again in each run."""
     step: _Step | None = program.__dict__.get("_step")
     if step is None:
-        step = program.__dict__["_step"] = _body(program.body, count(1))
+        step = program.__dict__["_step"] = _compile(program)
     return step
 
 
-def _body(body: Body, numbers: count[int]) -> _Step:
-    steps = [_statement(statement, next(numbers), numbers) for statement in body]
+def _compile(program: Program) -> _Step:
+    """Inner statements first, without recursion: blocks may nest deeper than Python's stack."""
+    whole: list[_Step] = []
+    open_statements = [(statement, whole) for statement in reversed(program.body)]
+    ordered: list[tuple[Statement, list[_Step], list[list[_Step]]]] = []  # as `Program.segments` counts them
+    while open_statements:
+        statement, steps = open_statements.pop()
+        blocks: list[list[_Step]] = []
+        for block in ("orelse", "body"):
+            if inner := getattr(statement, block, None):
+                blocks.insert(0, [])
+                open_statements += [(s, blocks[0]) for s in reversed(inner)]
+        ordered.append((statement, steps, blocks))
+    for segment in range(len(ordered), 0, -1):
+        statement, steps, blocks = ordered[segment - 1]
+        steps.insert(0, _statement(statement, segment, [_body(block) for block in blocks]))
+    return _body(whole)
+
+
+def _body(steps: list[_Step]) -> _Step:
     if len(steps) == 1:
         return steps[0]
 
@@ -177,17 +194,15 @@ def _body(body: Body, numbers: count[int]) -> _Step:
     return run_steps
 
 
-def _statement(node: Statement, segment: int, numbers: count[int]) -> _Step:
-    """A statement; ``numbers`` counts on over its inner segments, in the order of `Program.segments`."""
+def _statement(node: Statement, segment: int, blocks: list[_Step]) -> _Step:
     if isinstance(node, Action):
         return _action(node.name, segment)
-    body = _body(node.body, numbers)
     if isinstance(node, Repeat):
-        return _repeat(node.times, body)
+        return _repeat(node.times, blocks[0])
     test = _test(node.condition, segment)
     if isinstance(node, While):
-        return _while(test, body)
-    return _if(test, body, _body(node.orelse, numbers) if isinstance(node, IfElse) else None)
+        return _while(test, blocks[0])
+    return _if(test, blocks[0], blocks[1] if isinstance(node, IfElse) else None)
 
 
 def _action(name: str, segment: int) -> _Step:

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from evaps.dsl.program import Action, Body, Condition, If, IfElse, Not, Program, Repeat, Statement, While
-from evaps.dsl.sampler import ACTIONS, COUNTS, PERCEPTIONS
+from evaps.dsl.sampler import ACTIONS, COUNTS, MAX_TOKENS, PERCEPTIONS
 
-MAX_TOKENS = 32
 Change = Callable[[Statement, np.random.Generator], Body]
 
 

@@ -22,6 +22,8 @@ from evaps.dsl.program import (
 from evaps.dsl.vocab import VOCAB, token_type
 
 ACTIONS = tuple(token for token in VOCAB.tokens if token_type(token) == "action")
+MAX_TOKENS = 32
+"""The longest program of a data set, and of what is proposed or repaired."""
 COUNTS = tuple(int(token[2:]) for token in VOCAB.tokens if token.startswith("R="))
 _NAMES = [token for token in VOCAB.tokens if token_type(token) == "perception"]
 _THINGS = [t for t in VOCAB.tokens if token_type(t) == "constant" and not t.startswith("R=")]
@@ -34,7 +36,7 @@ _COUNT_WEIGHTS = np.array([1 / n for n in COUNTS]) / sum(1 / n for n in COUNTS) 
 class SamplerConfig:
     """How random programs look."""
 
-    max_tokens: int = 32
+    max_tokens: int = MAX_TOKENS
     """Longer programs are drawn again."""
     conditionals: tuple[float, ...] = (0.25, 0.55, 0.2)
     """How likely a program has 0, 1, 2 ... conditions (IF, IFELSE or WHILE)."""

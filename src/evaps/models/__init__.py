@@ -9,7 +9,7 @@ from typing import Any
 
 from evaps.dsl import UserError
 from evaps.models.base import Repairer, Synthesizer
-from evaps.models.checkpoint import CheckpointError, load_weights, read_config
+from evaps.models.checkpoint import CheckpointError, fitting, load_weights, read_config
 from evaps.models.encoder import Encoder, EncoderConfig
 
 METHODS = {"lgrl": "evaps.models.lgrl:LGRL", "evaps": "evaps.models.evaps:Evaps"}
@@ -47,7 +47,8 @@ def load_encoder(folder: Path) -> Encoder:
         CheckpointError: there is none, or it is of another version.
     """
     config = read_config(folder, "encoder")["config"]
-    encoder = Encoder(EncoderConfig(**{**config, "channels": tuple(config["channels"])}))
+    with fitting(folder):
+        encoder = Encoder(EncoderConfig(**{**config, "channels": tuple(config["channels"])}))
     return load_weights(folder, encoder)
 
 
@@ -57,7 +58,10 @@ def load_method(folder: Path, name: str) -> Synthesizer | Repairer:
     Raises:
         CheckpointError: there is none, or it is of another method or version.
     """
-    return load_weights(folder, new_method(name, **read_config(folder, name)["config"]))
+    config = read_config(folder, name)["config"]
+    with fitting(folder):
+        method = new_method(name, **config)
+    return load_weights(folder, method)
 
 
 def model_folder(name: str | Path) -> Path:
@@ -66,11 +70,11 @@ def model_folder(name: str | Path) -> Path:
     Raises:
         CheckpointError: there is no such folder.
     """
-    folder = SHIPPED / name if (SHIPPED / name).is_dir() else Path(name)
+    shipped = {path.name: path for path in sorted(SHIPPED.glob("*/"))}
+    folder = shipped.get(str(name), Path(name))
     if not folder.is_dir():
-        shipped = ", ".join(sorted(p.name for p in SHIPPED.glob("*/")))
         raise CheckpointError(
-            f"there is no checkpoint folder {str(name)!r}; shipped are: {shipped or 'none'}"
+            f"there is no checkpoint folder {str(name)!r}; shipped are: {', '.join(shipped) or 'none'}"
         )
     return folder
 

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from evaps.dsl import VOCAB, GrammarState, Program
+from evaps.dsl.sampler import MAX_TOKENS
 from evaps.models.base import Features, Synthesizer
-
-MAX_TOKENS = 32
 
 
 class Partial(Protocol):

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
+from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
 from evaps.dsl import VOCAB, UserError
+from evaps.files import write_atomically
 
 FORMAT = 1
 Model = TypeVar("Model", bound=nn.Module)
@@ -29,18 +33,16 @@ def save_checkpoint(folder: Path, model: Any, name: str, facts: dict[str, Any]) 
         name: the method's name.
         facts: how it was made: seed, scale, data set, commit, metrics.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     weights = {key: _halved(value.detach().cpu()) for key, value in model.state_dict().items()}
-    part = folder / ".model.safetensors.part"
-    part.write_bytes(save(weights))
-    part.replace(folder / "model.safetensors")
+    write_atomically(folder / "model.safetensors", save(weights))
     config = {
         "format": FORMAT,
         "method": name,
         "config": asdict(model.config),
         "vocabulary": list(VOCAB.tokens),
     }
-    (folder / "config.json").write_text(json.dumps({**config, "facts": facts}, indent=1) + "\n")
+    text = json.dumps({**config, "facts": facts}, indent=1) + "\n"
+    write_atomically(folder / "config.json", text.encode())
 
 
 def _halved(value: Tensor) -> Tensor:
@@ -55,12 +57,17 @@ def read_config(folder: Path, name: str) -> dict[str, Any]:
     """
     try:
         config = json.loads((folder / "config.json").read_text())
-    except (OSError, json.JSONDecodeError) as error:
-        raise CheckpointError(f"{folder} holds no checkpoint: {error}") from None
+    except (OSError, ValueError) as error:
+        raise CheckpointError(f"{folder} holds no checkpoint of {name}: {error}") from None
+    if not isinstance(config, dict):
+        raise CheckpointError(f"{folder} holds no checkpoint of {name}: config.json is no object")
     for key, wanted in (("format", FORMAT), ("method", name), ("vocabulary", list(VOCAB.tokens))):
         if config.get(key) != wanted:
             found = "of another language" if key == "vocabulary" else f"{config.get(key)!r}, not {wanted!r}"
             raise CheckpointError(f"{folder} cannot be used here: its {key} is {found}")
+    for key in ("config", "facts"):
+        if not isinstance(config.get(key), dict):
+            raise CheckpointError(f"{folder} cannot be used here: config.json has no {key!r}")
     return config
 
 
@@ -70,10 +77,20 @@ def load_weights(folder: Path, model: Model) -> Model:
     Raises:
         CheckpointError: the weights do not fit the model.
     """
-    try:
+    with fitting(folder):
         model.load_state_dict(load_file(folder / "model.safetensors"))  # copied into float32 parameters
-    except (OSError, RuntimeError) as error:
-        raise CheckpointError(
-            f"{folder}: the weights do not fit: {' '.join(str(error).split())[:200]}"
-        ) from None
     return model.eval()
+
+
+@contextmanager
+def fitting(folder: Path) -> Iterator[None]:
+    """Turns what goes wrong with the content of a checkpoint into one line.
+
+    Raises:
+        CheckpointError: it is damaged, or does not fit this version.
+    """
+    try:
+        yield
+    except (OSError, RuntimeError, TypeError, KeyError, SafetensorError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise CheckpointError(f"{folder} does not fit this version, or is damaged: {reason}") from None

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import AbstractContextManager, nullcontext
 from functools import cache
+from pathlib import Path
 
 import torch
 
@@ -17,22 +17,18 @@ def device() -> torch.device:
 
 @cache
 def half_pays() -> bool:
-    """Whether matrix products in bfloat16 are at least 1.5 times as fast as in float32 here; takes 0.1 s."""
+    """Whether this machine has units for bfloat16, which make matrix products 2.5 to 8 times faster."""
     if device().type == "cuda":
         return torch.cuda.is_bf16_supported()
-    _seconds(torch.float32)  # wakes the threads
-    return _seconds(torch.float32) > 1.5 * _seconds(torch.bfloat16)
+    try:
+        return bool({"amx_bf16", "avx512_bf16"} & set(Path("/proc/cpuinfo").read_text().split()))
+    except OSError:
+        return False
 
 
-def _seconds(dtype: torch.dtype) -> float:
-    a = torch.ones(640, 512, dtype=dtype)
-    b = torch.ones(512, 1024, dtype=dtype)
-    times = []
-    for _ in range(20):  # the best of many: other programs may be running
-        start = time.perf_counter()
-        a @ b
-        times.append(time.perf_counter() - start)
-    return min(times)
+def precision() -> str:
+    """The name of the type that matrix products are computed in."""
+    return "bfloat16" if half_pays() else "float32"
 
 
 def autocast() -> AbstractContextManager[object]:

@@ -19,7 +19,7 @@ from torch.nn import functional as F
 
 from evaps.dsl import VOCAB, GrammarState, Program
 from evaps.dsl.alignment import align
-from evaps.models.beam import MAX_TOKENS
+from evaps.dsl.sampler import MAX_TOKENS
 
 SLOTS = 8  # the paper inserts nothing or says nothing about it; a whole `IF c( ... c) i(` fits into 8
 DELETE = NOTHING = 0  # <pad> is no token of any program, so its id says: no token here

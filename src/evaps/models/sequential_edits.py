@@ -20,8 +20,9 @@ from torch.nn import functional as F
 
 from evaps.dsl import VOCAB, GrammarState, Program
 from evaps.dsl.alignment import align
+from evaps.dsl.sampler import MAX_TOKENS
 from evaps.models.base import pad
-from evaps.models.beam import MAX_TOKENS, Chosen, search
+from evaps.models.beam import Chosen, search
 
 KEEP, DELETE = 0, 1
 INSERT, REPLACE = 2, 2 + len(VOCAB)  # plus the token's id

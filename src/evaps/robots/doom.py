@@ -31,6 +31,8 @@ from evaps.robots.base import (
 from evaps.robots.scenes import validate
 from evaps.robots.wad import PREFIX, RADII, arena_wad, unpack
 
+ROBOT = "doom-v0"
+"""Names the robot and its version, which rises when equal programs may come to show other frames."""
 WIDTH, HEIGHT = 160, 120
 CENTRE_X, CENTRE_Y = WIDTH // 2, HEIGHT // 2
 

@@ -33,7 +33,7 @@ class MemoRobot(Robot):
 
     def __init__(self, robot: Robot, perceptions: Iterable[str]) -> None:
         self.robot = robot
-        self.perceptions = tuple(perceptions)
+        self.perceptions = frozenset(perceptions)
         self.simulated_actions = 0
         self._roots: dict[Scene, Node] = {}
         self._scene: Scene | None = None
@@ -64,7 +64,13 @@ class MemoRobot(Robot):
         self._node = child
 
     def perceive(self, perception: str) -> bool:
-        """Looked up, never simulated."""
+        """Looked up, never simulated.
+
+        Raises:
+            ValueError: it is not one of those that are remembered.
+        """
+        if perception not in self.perceptions:
+            raise ValueError(f"this memoised robot does not remember the perception {perception!r}")
         return perception in self.node.perceptions
 
     def observe(self) -> Observation:

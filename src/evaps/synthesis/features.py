@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable, Sequence
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
+from evaps.files import write_atomically
 from evaps.models.base import Execution
 from evaps.models.compute import autocast
 from evaps.models.encoder import Encoder
@@ -49,6 +52,13 @@ def embed(encoder: Encoder, observations: Sequence[Observation]) -> Float[Tensor
     return torch.cat(parts)
 
 
+def save_array(path: Path, array: np.ndarray[Any, Any]) -> None:
+    """Write a ``.npy`` file, whole or not at all."""
+    content = io.BytesIO()
+    np.save(content, array)
+    write_atomically(path, content.getvalue())
+
+
 def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> np.ndarray[Any, np.dtype[np.float16]]:
     """The embeddings of every example's first and last observation, float16 ``[task, pair, 2, feature]``.
 
@@ -71,9 +81,7 @@ def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> np.ndarray
             out[[position for position, _, _ in tasks]] = embedded.reshape(-1, 2, 6, out.shape[-1]).swapaxes(
                 1, 2
             )
-        part = path.with_suffix(".part.npy")
-        np.save(part, out)
-        part.replace(path)
+        save_array(path, out)
     return np.load(path)
 
 

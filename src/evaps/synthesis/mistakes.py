@@ -19,10 +19,10 @@ from evaps.models import load_encoder
 from evaps.models.base import Execution
 from evaps.models.encoder import Encoder
 from evaps.robots.memo import MemoRobot
-from evaps.synthesis.features import FeatureTable
+from evaps.synthesis.features import FeatureTable, save_array
 from evaps.synthesis.solution import attempt
-from evaps.tasks.dataset import Dataset, write_table
-from evaps.tasks.parts import TaskPart, make_parts, task_parts
+from evaps.tasks.dataset import Dataset, TaskPart, task_parts, write_table
+from evaps.tasks.parts import make_parts
 from evaps.tasks.task import GoldTask
 
 TASKS = 50  # in a part
@@ -74,8 +74,7 @@ def make_mistakes(robot: MemoRobot, part: MistakePart) -> None:
     for gold, failures in zip(part.tasks.golds(), part.failures, strict=True):
         robot.forget()
         rows += _mistakes(gold, failures, part.mutations, robot, table, rng)
-    part.path.parent.mkdir(parents=True, exist_ok=True)
-    np.save(part.path.with_suffix(".npy"), table.table.half().numpy())
+    save_array(part.path.with_suffix(".npy"), table.table.half().numpy())
     write_table(part.path, rows, SCHEMA)
 
 

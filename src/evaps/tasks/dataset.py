@@ -16,14 +16,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from evaps.dsl import Program, UserError
-from evaps.dsl.sampler import PERCEPTION_KEYS, SamplerConfig
+from evaps.dsl.sampler import SamplerConfig
+from evaps.files import write_atomically
 from evaps.robots.base import Scene, WorldState
+from evaps.robots.doom import ROBOT
 from evaps.robots.memo import MemoRobot
-from evaps.robots.workers import robot_map
 from evaps.tasks.files import read_json
 from evaps.tasks.frames import pack_frame, unpack_frame
 from evaps.tasks.generate import Draft, generate_task
-from evaps.tasks.progress import track
+from evaps.tasks.parts import make_parts
 from evaps.tasks.task import GoldTask, Outcome
 
 FORMAT = 1
@@ -39,14 +40,6 @@ def split_of(program: Program | str) -> str:
     """The split of a program: 70 % train, 20 % validation, 10 % test, by a hash of its tokens."""
     share = int.from_bytes(hashlib.sha256(str(program).encode()).digest()[:8], "big") / 2**64
     return next(name for name, end in SPLITS if share < end)
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file so that it is whole or not there."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    part.write_bytes(content)
-    part.replace(path)
 
 
 def write_table(path: Path, rows: list[dict[str, Any]], schema: pa.Schema) -> None:
@@ -100,8 +93,8 @@ class Part:
     config: SamplerConfig = field(default_factory=SamplerConfig)
 
     @property
-    def tasks(self) -> Path:
-        """Programs, scenes and outcomes."""
+    def path(self) -> Path:
+        """Programs, scenes and outcomes; written after the frames."""
         return self.folder / "parts" / f"tasks-{self.number:05d}.parquet"
 
     @property
@@ -115,7 +108,7 @@ def make_part(robot: MemoRobot, part: Part) -> None:
     indices = range(part.number * part.size, (part.number + 1) * part.size)
     rows = [_rows(i, generate_task(part.seed, i, robot, part.config)) for i in indices]
     write_table(part.frames, [frames for _, frames in rows], FRAME_SCHEMA)
-    write_table(part.tasks, [task for task, _ in rows], TASK_SCHEMA)
+    write_table(part.path, [task for task, _ in rows], TASK_SCHEMA)
 
 
 def generate(folder: Path, tasks: int, seed: int, workers: int, part: int = PART) -> int:
@@ -141,11 +134,7 @@ def generate(folder: Path, tasks: int, seed: int, workers: int, part: int = PART
     while True:
         missing = max(1, -(-(tasks - _distinct(folder, number)) // part))
         wanted = [Part(folder, seed, n, part) for n in range(number, number + missing)]
-        open_parts = [p for p in wanted if not p.tasks.exists()]
-        results = robot_map(make_part, open_parts, workers, PERCEPTION_KEYS)
-        done = (number + len(wanted) - len(open_parts)) * part
-        for _ in track(results, (number + missing) * part, "tasks", done, part):
-            pass
+        make_parts(make_part, wanted, workers, "tasks", part)
         number += missing
         if _distinct(folder, number) >= tasks:
             _write_index(folder, number, tasks)
@@ -154,15 +143,17 @@ def generate(folder: Path, tasks: int, seed: int, workers: int, part: int = PART
 
 def _write_identity(folder: Path, tasks: int, seed: int, part: int) -> None:
     made_by = {"evaps": version("evaps"), "vizdoom": version("vizdoom")}
-    identity = {"format": FORMAT, "robot": "doom", "seed": seed, "tasks": tasks, **made_by}
+    identity = {"format": FORMAT, "robot": ROBOT, "seed": seed, "tasks": tasks, **made_by}
     identity |= {"part": part} if part != PART else {}
     path = folder / "dataset.json"
     if path.exists():
         found = _read_identity(path)
-        for key, usual in (("format", None), ("robot", None), ("seed", None), ("part", PART)):
+        for key in ("format", "robot", "vizdoom", "seed", "part"):
+            usual = PART if key == "part" else None
             there, wanted = found.get(key, usual), identity.get(key, usual)
             if there != wanted:
                 raise DatasetError(f"{folder} has {key} {there}, not {wanted}; use another folder")
+        identity["evaps"] = found.get("evaps")  # the version that began it
     elif folder.exists() and any(folder.iterdir()):
         raise DatasetError(f"{folder} is not empty and no data set; choose another folder")
     write_atomically(path, (json.dumps(identity, indent=1) + "\n").encode())
@@ -177,11 +168,11 @@ def _read_identity(path: Path) -> dict[str, Any]:
 
 def _part_rows(folder: Path, number: int) -> Iterator[dict[str, Any]]:
     for n in range(number):
-        yield from pq.read_table(Part(folder, 0, n).tasks).to_pylist()
+        yield from pq.read_table(Part(folder, 0, n).path).to_pylist()
 
 
 def _distinct(folder: Path, number: int) -> int:
-    tables = [pq.read_table(Part(folder, 0, n).tasks, columns=["program"]) for n in range(number)]
+    tables = [pq.read_table(Part(folder, 0, n).path, columns=["program"]) for n in range(number)]
     return len(set(itertools.chain.from_iterable(t["program"].to_pylist() for t in tables)))
 
 
@@ -224,16 +215,18 @@ class Dataset:
     def frames(self, positions: Sequence[int]) -> Iterator[tuple[int, list[bytes], list[bytes]]]:
         """For each position (in order of the files): first and last observations of the examples, packed."""
         wanted = {self.rows[p]["index"]: p for p in positions}
-        size = self.identity.get("part", PART)
-        for number in sorted({index // size for index in wanted}):
-            for row in pq.read_table(Part(self.folder, 0, number).frames).to_pylist():
-                if row["index"] in wanted:
-                    yield wanted[row["index"]], row["first"], row["last"]
+        for index, first, last in read_frames(self.folder, list(wanted)):
+            yield wanted[index], first, last
 
-    def gold_tasks(self, positions: Sequence[int]) -> Iterator[GoldTask]:
-        """The tasks with their answers, for evaluation and training."""
-        for position, _, last in self.frames(positions):
-            yield gold_task(self.rows[position], last)
+
+def read_frames(folder: Path, indices: Sequence[int]) -> Iterator[tuple[int, list[bytes], list[bytes]]]:
+    """For each task with one of these indices: first and last observations of its examples, packed."""
+    wanted = set(indices)
+    size = _read_identity(folder / "dataset.json").get("part", PART)
+    for number in sorted({index // size for index in wanted}):
+        for row in pq.read_table(Part(folder, 0, number).frames).to_pylist():
+            if row["index"] in wanted:
+                yield row["index"], row["first"], row["last"]
 
 
 def gold_task(row: dict[str, Any], last: Sequence[bytes]) -> GoldTask:
@@ -243,3 +236,33 @@ def gold_task(row: dict[str, Any], last: Sequence[bytes]) -> GoldTask:
         for scene, frame, state in zip(row["scenes"], last, row["states"], strict=True)
     )
     return GoldTask(f"task-{row['index']}", Program.parse(row["program"]), outcomes, row["steps"])
+
+
+@dataclass(frozen=True)
+class TaskPart:
+    """Some tasks of a data set, and the file that is made of them.
+
+    Attributes:
+        path: the file.
+        folder: of the data set.
+        positions: of the tasks in :attr:`Dataset.rows`.
+        rows: the tasks, as in :attr:`Dataset.rows`.
+    """
+
+    path: Path
+    folder: Path
+    positions: tuple[int, ...]
+    rows: tuple[dict[str, Any], ...]
+
+    def golds(self) -> Iterator[GoldTask]:
+        """The tasks with their answers."""
+        goals = {index: last for index, _, last in read_frames(self.folder, [r["index"] for r in self.rows])}
+        return (gold_task(row, goals[row["index"]]) for row in self.rows)
+
+
+def task_parts(folder: Path, dataset: Dataset, positions: Sequence[int], size: int) -> Iterator[TaskPart]:
+    """Tasks of a data set in parts of ``size``, whose files are numbered in ``folder``."""
+    for number, start in enumerate(range(0, len(positions), size)):
+        chosen = tuple(positions[start : start + size])
+        path = folder / f"part-{number:05d}.parquet"
+        yield TaskPart(path, dataset.folder, chosen, tuple(dataset.rows[p] for p in chosen))

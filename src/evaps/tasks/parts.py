@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import robot_map
-from evaps.tasks.dataset import Dataset, gold_task
 from evaps.tasks.progress import track
-from evaps.tasks.task import GoldTask
 
 
 class Part(Protocol):
@@ -47,34 +44,3 @@ def make_parts(
     for _ in track(results, len(parts) * size, what, done, size):
         pass
     return [part.path for part in parts]
-
-
-@dataclass(frozen=True)
-class TaskPart:
-    """Some tasks of a data set, and the file that is made of them.
-
-    Attributes:
-        path: the file.
-        positions: of the tasks in :attr:`Dataset.rows`.
-        rows: the tasks, as in :attr:`Dataset.rows`.
-        goals: their goal frames, packed; empty where the file is there already.
-    """
-
-    path: Path
-    positions: tuple[int, ...]
-    rows: tuple[dict[str, Any], ...]
-    goals: tuple[list[bytes], ...]
-
-    def golds(self) -> Iterator[GoldTask]:
-        """The tasks with their answers."""
-        return (gold_task(row, goals) for row, goals in zip(self.rows, self.goals, strict=True))
-
-
-def task_parts(folder: Path, dataset: Dataset, positions: Sequence[int], size: int) -> Iterator[TaskPart]:
-    """Tasks of a data set in parts of ``size``, whose files are numbered in ``folder``."""
-    for number, start in enumerate(range(0, len(positions), size)):
-        chosen = tuple(positions[start : start + size])
-        path = folder / f"part-{number:05d}.parquet"
-        goals = {} if path.exists() else {p: last for p, _, last in dataset.frames(chosen)}
-        rows = tuple(dataset.rows[p] for p in chosen)
-        yield TaskPart(path, chosen, rows, tuple(goals.get(p, []) for p in chosen))

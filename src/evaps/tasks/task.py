@@ -171,12 +171,12 @@ def _image(folder: Path, name: Any, where: str, shape: Sequence[int]) -> Image:
     inside = "\0" not in name and path.resolve().parent == folder.resolve()
     _check(inside, folder, f"{where}: {name!r} must lie in the task folder")
     try:
-        with Picture.open(path) as picture:
+        with Picture.open(path, formats=("PNG",)) as picture:
             mode, pixels = picture.mode, np.array(picture)
     except FileNotFoundError:
         raise TaskError(f"{path} is missing; {folder / 'task.json'} names it as {where}") from None
-    except (OSError, SyntaxError, Picture.DecompressionBombError) as error:
-        raise TaskError(f"{path} is not an image that can be read: {error}") from None
+    except (OSError, SyntaxError, ValueError, Picture.DecompressionBombError) as error:
+        raise TaskError(f"{path} is not a PNG image that can be read: {error}") from None
     kind, wanted = ("colour", "RGB") if len(shape) == 3 else ("greyscale", "L")
     if mode != wanted or pixels.shape != tuple(shape):
         found = "x".join(map(str, reversed(pixels.shape[:2])))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import time
@@ -14,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from evaps.dsl import UserError
+from evaps.files import write_atomically
 from evaps.models.compute import autocast
 from evaps.tasks.progress import track
 
@@ -129,9 +131,9 @@ def _log(folder: Path, row: dict[str, Any]) -> None:
 
 
 def _write(state: dict[str, Any], path: Path) -> None:
-    part = path.with_suffix(".part")
-    torch.save(state, part)
-    part.replace(path)
+    content = io.BytesIO()
+    torch.save(state, content)
+    write_atomically(path, content.getvalue())
 
 
 def _resume(

@@ -17,11 +17,12 @@ import torch
 from torch import Tensor
 
 from evaps.dsl import VOCAB, GrammarState, Program, UserError
+from evaps.dsl.sampler import MAX_TOKENS
 from evaps.models import load_encoder, load_method, new_method
 from evaps.models.base import Repairer, Synthesizer, pad
-from evaps.models.beam import MAX_TOKENS, beam_search
+from evaps.models.beam import beam_search
 from evaps.models.checkpoint import load_weights, read_config, save_checkpoint
-from evaps.models.compute import autocast, device
+from evaps.models.compute import autocast, device, precision
 from evaps.models.encoder import EncoderConfig, TransitionModel
 from evaps.robots.base import Scene
 from evaps.synthesis.features import dataset_features
@@ -238,6 +239,7 @@ class _Run:
             "evaps": version("evaps"),
             "torch": torch.__version__,
             "cores": os.cpu_count(),
+            "precision": precision(),
             "minutes_of_last_run": round((time.monotonic() - self.start) / 60, 1),
         }
         save_checkpoint(self.out / name, model, name, facts)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from evaps.dsl import token_type
+from evaps.files import write_atomically
 from evaps.viewer.highlight import python_spans
 from evaps.viewer.pictures import Pictures
 from evaps.viewer.story import TaskReport, line_views, rounds, steps, telling_example
@@ -21,16 +21,13 @@ CHECKS_SHOWN = 5  # of the conditions evaluated at one view; a loop without an a
 def write_page(path: Path, reports: Sequence[TaskReport]) -> None:
     """Write the report page of some tasks, with everything that it shows inside.
 
-    The file is complete or not there: it is written under another name and moved into place.
+    The file is whole or not there.
 
     Args:
         path: the HTML file; folders that are missing are made.
         reports: the tasks, in the order in which they are shown.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    part.write_text(render_page(reports), encoding="utf-8")
-    part.replace(path)
+    write_atomically(path, render_page(reports).encode())
 
 
 def render_page(reports: Sequence[TaskReport]) -> str:
