@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import platform
 import shutil
@@ -19,13 +18,15 @@ import torch
 
 from evaps.dsl import Program, UserError, run
 from evaps.models import METHODS, Model, load_model, model_folder
-from evaps.models.checkpoint import read_config
+from evaps.models.checkpoint import hash_of, read_config
+from evaps.models.compute import precision
 from evaps.robots.base import frame_match, state_match
 from evaps.robots.memo import MemoRobot
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.repair import Meter, repair_all, run_proposals
 from evaps.synthesis.solution import Solution
-from evaps.tasks.dataset import Dataset, TaskPart, task_parts, write_table
+from evaps.tasks.dataset import SPLITS, Dataset, TaskPart, task_parts, write_table
+from evaps.tasks.identity import code_version, short_hash
 from evaps.tasks.parts import make_parts
 from evaps.tasks.task import EXAMPLES, GoldTask, Task
 
@@ -36,8 +37,11 @@ SCHEMA = pa.schema(
         "method": pa.string(),
         "seed": pa.int32(),
         "scale": pa.string(),
-        "commit": pa.string(),
+        "commit": pa.string(),  # of the training
+        "weights": pa.string(),  # hash of all that the method's answers depend on
+        "evaluated_by": pa.string(),  # commit of the evaluating code
         "machine": pa.string(),
+        "dataset_seed": pa.int64(),
         "task": pa.int64(),
         "steps": pa.int32(),
         "rank": pa.int32(),
@@ -84,7 +88,7 @@ class EvaluationPart:
 
     tasks: TaskPart
     model: str
-    methods: tuple[str, ...]
+    facts: dict[str, dict[str, Any]]
     top_k: int
     rounds: int
 
@@ -101,33 +105,45 @@ def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> None:
     for gold in part.tasks.golds():
         robot.forget()
         for method, solution in _solutions(part, gold.task, robot):
-            rows += _rows(solution, gold, robot, _facts(part.model, method))
+            rows += _rows(solution, gold, robot, part.facts[method])
     write_table(part.path, rows, SCHEMA)
 
 
 def _solutions(part: EvaluationPart, task: Task, robot: MemoRobot) -> list[tuple[str, Solution]]:
     """LGRL's candidates, and the same candidates repaired; judged only when all are there."""
-    model = _model(part.model)
+    model = _model(part.model, "evaps" if "evaps" in part.facts else None)
     meter, table = Meter(robot), FeatureTable(model.encoder)
     chains = run_proposals(model, task, robot, table, part.top_k)
     found = [("lgrl", meter.solution(task, chains, ["lgrl"]))]
-    if "evaps" in part.methods and model.repairer is not None:
+    if model.repairer is not None:
         repair_all(model.repairer, chains, task, table, robot, part.rounds)
         found.append(("evaps", meter.solution(task, chains, ["lgrl", "evaps"])))
-    return [(method, solution) for method, solution in found if method in part.methods]
+    return [(method, solution) for method, solution in found if method in part.facts]
 
 
 @cache
-def _model(folder: str) -> Model:
-    return load_model(folder)
+def _model(folder: str, repairer: str | None) -> Model:
+    return load_model(folder, repairer=repairer)
 
 
-@cache
-def _facts(folder: str, method: str) -> dict[str, Any]:
-    """What a row says of its making: the training's seed, scale and commit, and this machine."""
-    made = read_config(model_folder(folder) / method, method)["facts"]
-    facts = {key: made[key] for key in ("seed", "scale", "commit")}
-    return {"method": method, **facts, "machine": f"{platform.machine()}, {os.cpu_count()} cores"}
+def _facts(model: str, method: str, dataset: Dataset) -> dict[str, Any]:
+    """What a row says of its making.
+
+    Raises:
+        CheckpointError: a checkpoint is missing.
+    """
+    folder = model_folder(model)
+    needed = dict.fromkeys(("encoder", "lgrl", method))
+    weights = [hash_of(folder / name) for name in needed]
+    made = read_config(folder / method, method)["facts"]
+    return {
+        "method": method,
+        **{key: made.get(key) for key in ("seed", "scale", "commit")},
+        "weights": short_hash(weights),
+        "evaluated_by": code_version(),
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores, {precision()}",
+        "dataset_seed": dataset.identity["seed"],
+    }
 
 
 def _rows(
@@ -181,15 +197,16 @@ def evaluate(
     for method in methods:
         if method not in METHODS:
             raise UserError(f"there is no method {method!r}; known are {', '.join(METHODS)}")
-        _facts(model, method)
     dataset = Dataset(data)
+    if split not in SPLITS:
+        raise UserError(f"there is no split {split!r}; there are {', '.join(SPLITS)}")
     positions = dataset.split(split)[:tasks]
     if not positions:
-        raise UserError(f"the data set has no split {split!r}; there are train, validation and test")
-    settings = (dataset.identity, _identity(model, methods), split, methods, top_k, rounds)
-    folder = out.with_suffix(f".parts-{hashlib.sha256(repr(settings).encode()).hexdigest()[:8]}")
+        raise UserError(f"the data set has no task in the split {split!r}; generate a larger one")
+    facts = {method: _facts(model, method, dataset) for method in methods}
+    folder = out.with_suffix(f".parts-{short_hash([dataset.identity, facts, positions, top_k, rounds])}")
     parts = [
-        EvaluationPart(part, model, tuple(methods), top_k, rounds)
+        EvaluationPart(part, model, facts, top_k, rounds)
         for part in task_parts(folder, dataset, positions, PART)
     ]
     paths = make_parts(evaluate_part, parts, workers, "tasks judged", PART)
@@ -197,12 +214,6 @@ def evaluate(
     write_table(out, table.to_pylist(), SCHEMA)
     shutil.rmtree(folder)
     return out
-
-
-def _identity(model: str, methods: Sequence[str]) -> list[str]:
-    """Hashes of the weights, so that an evaluation never goes on with parts of another model's."""
-    files = [model_folder(model) / name / "model.safetensors" for name in ("encoder", *methods)]
-    return [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
 
 
 METRICS = ("exact", "semantic_state", "generalization_state")

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from evaps.cli.command import Command
 from evaps.cli.generate import available_cores
-from evaps.cli.inputs import File, Folder
+from evaps.cli.inputs import File, Folder, check_least, check_writable
 from evaps.dsl import UserError
 
 
@@ -43,6 +43,9 @@ class Evaluate(Command):
         """Evaluate, with progress on standard error, and print the table."""
         if self.out.suffix != ".parquet":
             raise UserError(f"--out must end in .parquet, not {self.out.name!r}")
+        numbers = {"tasks": (self.tasks, 1), "top_k": (self.top_k, 1), "rounds": (self.rounds, 0)}
+        check_least(**numbers, workers=(self.workers, 0))
+        check_writable(self.out)
         from evaps.evaluate import evaluate
         from evaps.report import summary_table
 

@@ -9,8 +9,7 @@ from typing import ClassVar
 from tyro.conf import Positional
 
 from evaps.cli.command import Command
-from evaps.cli.inputs import Folder, writing
-from evaps.dsl import UserError
+from evaps.cli.inputs import Folder, check_least, writing
 
 
 def available_cores() -> int:
@@ -38,13 +37,7 @@ class Generate(Command):
 
     def run(self) -> None:
         """Generate, with progress on standard error."""
-        for name, value, least in (
-            ("tasks", self.tasks, 1),
-            ("seed", self.seed, 0),
-            ("workers", self.workers, 0),
-        ):
-            if value < least:
-                raise UserError(f"--{name} must be at least {least}, not {value}")
+        check_least(tasks=(self.tasks, 1), seed=(self.seed, 0), workers=(self.workers, 0))
         from evaps.tasks.dataset import generate
 
         with writing(self.out):

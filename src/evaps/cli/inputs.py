@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Annotated, Any, TypeAlias
 
 from tyro.conf import arg
@@ -66,6 +67,17 @@ def _scene(value: Any, where: str) -> Scene:
     return scene
 
 
+def check_least(**least: tuple[int, int]) -> None:
+    """Check options that are numbers: each value, and the least that it may be.
+
+    Raises:
+        UserError: a value is too small.
+    """
+    for name, (value, smallest) in least.items():
+        if value < smallest:
+            raise UserError(f"--{name.replace('_', '-')} must be at least {smallest}, not {value}")
+
+
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
     """Turns what forbids to write at this place into a user's error; a full disk is not one.
@@ -76,6 +88,28 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.filename is None or error.errno == errno.ENOSPC:
+        if error.errno == errno.ENOSPC or not _concerns(error, path):
             raise
         raise UserError(f"{path} cannot be written: {error.strerror}; choose another place") from error
+
+
+def _concerns(error: OSError, path: Path) -> bool:
+    """Whether the error is about the path, what is in it, or a folder on the way to it."""
+    if not isinstance(error.filename, str):
+        return False
+    there, named = path.absolute(), Path(error.filename).absolute()
+    return named.parent == there.parent or there in named.parents or named in there.parents
+
+
+def check_writable(path: Path) -> None:
+    """Find out before long work whether a file can be written there.
+
+    Raises:
+        UserError: it cannot.
+    """
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise UserError(f"{path} is a folder; name a file")
+        with TemporaryFile(dir=path.parent):
+            pass

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from tyro.conf import Positional
 
 from evaps.cli.command import Command
-from evaps.cli.inputs import File, writing
+from evaps.cli.inputs import File, check_least, check_writable, writing
 from evaps.dsl import UserError
 
 if TYPE_CHECKING:
@@ -47,15 +47,15 @@ class Synthesize(Command):
 
     def run(self) -> None:
         """Synthesize and show."""
-        for name, value, least in (("top-k", self.top_k, 1), ("rounds", self.rounds, 0)):
-            if value < least:
-                raise UserError(f"--{name} must be at least {least}, not {value}")
+        check_least(top_k=(self.top_k, 1), rounds=(self.rounds, 0))
         if not self.tasks:
             raise UserError("name at least one task folder, such as examples/tasks/*")
         from evaps.tasks.task import load_task
 
         loaded = [load_task(folder) for folder in self.tasks]  # all of them, before the first is worked on
         model = choose_model(self.model, self.method)
+        if self.report is not None:
+            check_writable(self.report)
         reports = []
         for report in solve(loaded, model, self.top_k, self.rounds):
             show(report, self.json)
@@ -78,6 +78,7 @@ class Demo(Command):
         folders = sorted(path.parent for path in SHIPPED_TASKS.glob("*/task.json"))
         if not folders:
             raise UserError(f"there are no tasks in {SHIPPED_TASKS}; run this in the root of a checkout")
+        check_writable(self.out)
         reports = []
         for report in solve([load_task(folder) for folder in folders], choose_model("small", "evaps"), 20, 5):
             show(report, False)

@@ -9,7 +9,7 @@ from tyro.conf import Positional, arg
 
 from evaps.cli.command import Command
 from evaps.cli.generate import available_cores
-from evaps.cli.inputs import Folder
+from evaps.cli.inputs import Folder, check_least, writing
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Train(Command):
     of wrong programs) is made once and kept beside the data set.
     """
 
-    stopped: ClassVar[str] = "stopped; nothing is lost: the same command goes on where it was"
+    stopped: ClassVar[str] = "stopped; the same command goes on where it last saved, a minute ago at most"
 
     method: Positional[Annotated[str, arg(metavar="encoder|lgrl|evaps")]]
     """What to train."""
@@ -37,7 +37,9 @@ class Train(Command):
 
     def run(self) -> None:
         """Train, with progress on standard error."""
+        check_least(seed=(self.seed, 0), workers=(self.workers, 0))
         from evaps.train import train
 
-        folder = train(self.method, self.data, self.out, self.scale, self.seed, self.workers)
+        with writing(self.out):
+            folder = train(self.method, self.data, self.out, self.scale, self.seed, self.workers)
         print(f"{folder}: the checkpoint of {self.method}")

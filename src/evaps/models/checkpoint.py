@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -69,6 +70,18 @@ def read_config(folder: Path, name: str) -> dict[str, Any]:
         if not isinstance(config.get(key), dict):
             raise CheckpointError(f"{folder} cannot be used here: config.json has no {key!r}")
     return config
+
+
+def hash_of(folder: Path) -> str:
+    """Of a checkpoint's weights and configuration, for the names of what is made with them.
+
+    Raises:
+        CheckpointError: there is none.
+    """
+    config = json.dumps(read_config(folder, folder.name)["config"], sort_keys=True)
+    with fitting(folder):
+        content = (folder / "model.safetensors").read_bytes()
+    return hashlib.sha256(config.encode() + content).hexdigest()[:12]
 
 
 def load_weights(folder: Path, model: Model) -> Model:

@@ -29,7 +29,7 @@ from evaps.tasks.task import GoldTask, Outcome
 
 FORMAT = 1
 PART = 100  # indices in a part, unless dataset.json says otherwise
-SPLITS = (("train", 0.7), ("validation", 0.9), ("test", 1.0))  # name, upper end of the hash
+SPLITS = {"train": 0.7, "validation": 0.9, "test": 1.0}  # upper end of the hash
 
 
 class DatasetError(UserError):
@@ -39,7 +39,7 @@ class DatasetError(UserError):
 def split_of(program: Program | str) -> str:
     """The split of a program: 70 % train, 20 % validation, 10 % test, by a hash of its tokens."""
     share = int.from_bytes(hashlib.sha256(str(program).encode()).digest()[:8], "big") / 2**64
-    return next(name for name, end in SPLITS if share < end)
+    return next(name for name, end in SPLITS.items() if share < end)
 
 
 def write_table(path: Path, rows: list[dict[str, Any]], schema: pa.Schema) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import time
 from collections.abc import Iterable, Sequence
@@ -21,7 +20,7 @@ from evaps.dsl.sampler import MAX_TOKENS
 from evaps.models import load_encoder, load_method, new_method
 from evaps.models.base import Repairer, Synthesizer, pad
 from evaps.models.beam import beam_search
-from evaps.models.checkpoint import load_weights, read_config, save_checkpoint
+from evaps.models.checkpoint import hash_of, load_weights, read_config, save_checkpoint
 from evaps.models.compute import autocast, device, precision
 from evaps.models.encoder import EncoderConfig, TransitionModel
 from evaps.robots.base import Scene
@@ -167,11 +166,11 @@ class _Run:
     def _features(self) -> np.ndarray[Any, np.dtype[np.float16]]:
         """Of every example's first and last observation, ``[task, pair, 2, feature]``."""
         folder = self.out / "encoder"
-        return dataset_features(self.dataset, load_encoder(folder).to(device()), _hash(folder))
+        return dataset_features(self.dataset, load_encoder(folder).to(device()), hash_of(folder))
 
     def _made_from(self, model: Any, *checkpoints: str) -> dict[str, Any]:
         """All that a training depends on: its scale, its data, the model's sizes and what it starts from."""
-        hashes = {name: _hash(self.out / name) for name in checkpoints}
+        hashes = {name: hash_of(self.out / name) for name in checkpoints}
         return {
             "scale": asdict(self.scale),
             "dataset": self.dataset.identity,
@@ -209,7 +208,7 @@ class _Run:
         positions = self.dataset.split(split)[:tasks]
         synthesizer = load_method(self.out / "lgrl", "lgrl").to(device())
         assert isinstance(synthesizer, Synthesizer)
-        parents = [_hash(self.out / name) for name in ("encoder", "lgrl")]
+        parents = [hash_of(self.out / name) for name in ("encoder", "lgrl")]
         key = short_hash([parents, self.seed, scale.mutations, scale.failures, tasks])
         folder = self.dataset.folder / f"mistakes-{split}-{key}"
         failures: dict[int, list[str]] = {}
@@ -244,16 +243,6 @@ class _Run:
         }
         save_checkpoint(self.out / name, model, name, facts)
         return self.out / name
-
-
-def _hash(checkpoint: Path) -> str:
-    """Of a checkpoint's weights, for the names of what is made with them.
-
-    Raises:
-        CheckpointError: there is none.
-    """
-    read_config(checkpoint, checkpoint.name)
-    return hashlib.sha256((checkpoint / "model.safetensors").read_bytes()).hexdigest()[:12]
 
 
 def _start(row: dict[str, Any], example: int) -> tuple[Scene, tuple[str, ...]]:
