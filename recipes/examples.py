@@ -23,12 +23,15 @@ from evaps.tasks.task import EXAMPLES, Example, Task, save_task
 FOLDER = Path("examples/tasks")
 SEED = 2023
 
+# All of them are in the test split of every data set (`split_of`): no shipped model has learned from them.
 PROGRAMS = {
-    "advance-and-shoot": "def run():\n    move_forward()\n    attack()\n",
-    "look-around": "def run():\n    turn_left()\n    turn_left()\n    move_forward()\n",
-    "shoot-if-in-target": "def run():\n    move_forward()\n    if in_target(Demon):\n        attack()\n",
+    "sidestep-and-shoot": "def run():\n    move_left()\n    attack()\n",
+    "look-around": "def run():\n    turn_left()\n    turn_left()\n    turn_left()\n",
+    "back-off-from-a-revenant": (
+        "def run():\n    move_forward()\n    if in_target(Revenant):\n        move_backward()\n"
+    ),
     "sidestep-or-advance": (
-        "def run():\n    if is_there(Revenant):\n        move_left()\n    else:\n        move_forward()\n"
+        "def run():\n    if is_there(HellKnight):\n        move_right()\n    else:\n        move_forward()\n"
         "    attack()\n"
     ),
     "retreat-from-demons": (
@@ -36,7 +39,7 @@ PROGRAMS = {
         "    turn_right()\n"
     ),
     "turn-until-in-target": (
-        "def run():\n    while not in_target(HellKnight):\n        turn_left()\n    attack()\n"
+        "def run():\n    while not in_target(Demon):\n        turn_left()\n    attack()\n"
     ),
 }
 

@@ -3,7 +3,7 @@
     python -m recipes.small            # everything, resuming where it was
     python -m recipes.small --retrain  # not from the shipped checkpoints
 
-What each step costs on two cores without a graphics card stands beside it.
+Times are those of two cores without a graphics card.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from evaps.models import SHIPPED
 from evaps.report import difference_line, summary_table
 from evaps.tasks.dataset import generate
 from evaps.train import train
+from evaps.train.scale import SCALES
 
 DATA = Path("data/small")
 RUNS = Path("runs/small")
 ROWS = Path("results/small/rows.parquet")
 SEED = 0
-TASKS = 20_000
-TEST_TASKS = 600
+TEST_TASKS = 1_000
 
 
 def make_data() -> None:
     """`evaps generate data/small --tasks 20000 --seed 0`: 35 minutes."""
-    generate(DATA, TASKS, SEED, workers=2)
+    generate(DATA, SCALES["small"].tasks, SEED, workers=2)
 
 
 def make_checkpoints() -> None:

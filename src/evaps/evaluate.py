@@ -111,7 +111,7 @@ def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> None:
 
 def _solutions(part: EvaluationPart, task: Task, robot: MemoRobot) -> list[tuple[str, Solution]]:
     """LGRL's candidates, and the same candidates repaired; judged only when all are there."""
-    model = _model(part.model, "evaps" if "evaps" in part.facts else None)
+    model = _model(part.model, "evaps" if "evaps" in part.facts else "lgrl")
     meter, table = Meter(robot), FeatureTable(model.encoder)
     chains = run_proposals(model, task, robot, table, part.top_k)
     found = [("lgrl", meter.solution(task, chains, ["lgrl"]))]
@@ -122,8 +122,8 @@ def _solutions(part: EvaluationPart, task: Task, robot: MemoRobot) -> list[tuple
 
 
 @cache
-def _model(folder: str, repairer: str | None) -> Model:
-    return load_model(folder, repairer=repairer)
+def _model(folder: str, method: str) -> Model:
+    return load_model(folder, method)
 
 
 def _facts(model: str, method: str, dataset: Dataset) -> dict[str, Any]:

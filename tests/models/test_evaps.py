@@ -101,12 +101,12 @@ def test_neither_the_order_of_pairs_nor_padding_matters(flags: dict[str, bool], 
 @pytest.mark.parametrize("edits", EDITS)
 def test_repairs_are_new_programs(edits: EditMode, table: torch.Tensor) -> None:
     seen = execution(PROGRAM, np.random.default_rng(0))
-    tried = {PROGRAM}
+    torch.manual_seed(0)
     net = Evaps(EvapsConfig(edits=edits)).eval()
+    tried: set[Program] = set()
     for _ in range(3):
         (repaired,) = net.repair([seen], table, [tried])
-        if repaired is None:
-            break
+        assert repaired is not None
         assert repaired not in tried
         tried.add(repaired)
 

@@ -1,6 +1,6 @@
 """The repair loop on the real engine, with a repairer that follows a script."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -9,10 +9,8 @@ import torch
 from torch import Tensor
 
 from evaps.dsl import Program, run
-from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.models.base import Execution, Repairer
 from evaps.models.encoder import Encoder, EncoderConfig
-from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
 from evaps.synthesis.features import FeatureTable
@@ -45,13 +43,6 @@ class Script(Repairer):
 
     def loss(self, executions: object, targets: object, table: object) -> Tensor:
         return torch.zeros(())
-
-
-@pytest.fixture(scope="module")
-def robot() -> Iterator[MemoRobot]:
-    robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS)
-    yield robot
-    robot.close()
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """The training loop: interrupted anywhere, it goes on with the same result."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from evaps.dsl import UserError
 from evaps.train.batches import batch_at
 from evaps.train.loop import FitConfig, fit, rate_at
 
@@ -27,18 +29,23 @@ def train(model: nn.Module, folder: Path, stop_at: int | None = None) -> dict[st
         x = torch.from_numpy(np.random.default_rng(step).normal(size=(16, 4)).astype(np.float32))
         return F.mse_loss(model(x), x.sum(1, keepdim=True)), {}
 
-    return fit(model, loss_at, CONFIG, folder, lambda: {"score": 1.0}, validate_every=10, select="score")
+    def validate() -> dict[str, float]:
+        x = torch.eye(4)
+        return {"score": -F.mse_loss(model(x), x.sum(1, keepdim=True)).item()}
+
+    return fit(model, loss_at, CONFIG, folder, validate, validate_every=10, select="score")
 
 
 @pytest.mark.parametrize("stop_at", [1, 7, 19])
 def test_an_interrupted_run_ends_where_a_whole_one_does(tmp_path: Path, stop_at: int) -> None:
     whole, broken = new_model(), new_model()
-    train(whole, tmp_path / "whole")
+    expected = train(whole, tmp_path / "whole")
     with pytest.raises(KeyboardInterrupt):
         train(broken, tmp_path / "broken", stop_at)
     resumed = new_model()
     metrics = train(resumed, tmp_path / "broken")
-    assert metrics == {"best_step": 9, "validation_score": 1.0}
+    assert metrics == expected
+    assert metrics["best_step"] == 19  # weights from behind every interruption
     for a, b in zip(whole.parameters(), resumed.parameters(), strict=True):
         assert torch.equal(a, b)
 
@@ -48,7 +55,13 @@ def test_metrics_are_logged_as_json_lines(tmp_path: Path) -> None:
     rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
     assert [row["step"] for row in rows] == [0, 5, 9, 10, 15, 19]
     assert "validation_score" in rows[-1]
-    assert rows[-1]["loss"] < rows[0]["loss"] * 2
+    assert rows[-1]["validation_score"] > rows[2]["validation_score"]
+
+
+def test_other_settings_do_not_go_on_with_it(tmp_path: Path) -> None:
+    train(new_model(), tmp_path)
+    with pytest.raises(UserError, match="other settings"):
+        fit(new_model(), lambda step: 1 / 0, replace(CONFIG, seed=4), tmp_path, dict, 10, "score")
 
 
 def test_the_rate_rises_and_falls() -> None:

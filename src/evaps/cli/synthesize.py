@@ -50,10 +50,11 @@ class Synthesize(Command):
         check_least(top_k=(self.top_k, 1), rounds=(self.rounds, 0))
         if not self.tasks:
             raise UserError("name at least one task folder, such as examples/tasks/*")
+        from evaps.models import load_model
         from evaps.tasks.task import load_task
 
         loaded = [load_task(folder) for folder in self.tasks]  # all of them, before the first is worked on
-        model = choose_model(self.model, self.method)
+        model = load_model(self.model, self.method)
         if self.report is not None:
             check_writable(self.report)
         reports = []
@@ -73,6 +74,7 @@ class Demo(Command):
 
     def run(self) -> None:
         """Solve the shipped tasks."""
+        from evaps.models import load_model
         from evaps.tasks.task import load_task
 
         folders = sorted(path.parent for path in SHIPPED_TASKS.glob("*/task.json"))
@@ -80,26 +82,12 @@ class Demo(Command):
             raise UserError(f"there are no tasks in {SHIPPED_TASKS}; run this in the root of a checkout")
         check_writable(self.out)
         reports = []
-        for report in solve([load_task(folder) for folder in folders], choose_model("small", "evaps"), 20, 5):
+        for report in solve([load_task(folder) for folder in folders], load_model(), 20, 5):
             show(report, False)
             reports.append(report)
         solved = sum(report.solution.solved for report in reports)
         print(f"{solved} of {len(reports)} tasks solved: all five goals reached on the engine, byte for byte")
         save_page(self.out, reports, quiet=False)
-
-
-def choose_model(model: str, method: str) -> Model:
-    """The model for a method.
-
-    Raises:
-        UserError: there is no such method.
-        CheckpointError: there is no such model.
-    """
-    from evaps.models import METHODS, load_model
-
-    if method not in METHODS:
-        raise UserError(f"there is no method {method!r}; known are {', '.join(METHODS)}")
-    return load_model(model, repairer=method if method == "evaps" else None)
 
 
 def solve(tasks: Sequence[Task], model: Model, top_k: int, rounds: int) -> Iterator[TaskReport]:

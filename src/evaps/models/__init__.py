@@ -15,6 +15,9 @@ from evaps.models.encoder import Encoder, EncoderConfig
 METHODS = {"lgrl": "evaps.models.lgrl:LGRL", "evaps": "evaps.models.evaps:Evaps"}
 """Where every method's class is, by name; a module is imported when its method is used."""
 
+PROPOSER = "lgrl"
+"""The synthesizer whose candidates repairers learn from and mend."""
+
 SHIPPED = Path(__file__).parents[1] / "checkpoints"
 
 
@@ -27,8 +30,8 @@ class Model:
     repairer: Repairer | None
 
 
-def new_method(name: str, **config: Any) -> Synthesizer | Repairer:
-    """A method with fresh weights; ``config`` are fields of its configuration that differ from the defaults.
+def method_class(name: str) -> type[Synthesizer] | type[Repairer]:
+    """The class of a method; its base says which of the two roles it has.
 
     Raises:
         UserError: there is no such method.
@@ -36,8 +39,19 @@ def new_method(name: str, **config: Any) -> Synthesizer | Repairer:
     if name not in METHODS:
         raise UserError(f"there is no method {name!r}; known are {', '.join(METHODS)}")
     module, _, attribute = METHODS[name].partition(":")
-    method = getattr(import_module(module), attribute)
-    return method(method.Config(**config))
+    found: type[Synthesizer] | type[Repairer] = getattr(import_module(module), attribute)
+    return found
+
+
+def new_method(name: str, **config: Any) -> Synthesizer | Repairer:
+    """A method with fresh weights; ``config`` are fields of its configuration that differ from the defaults.
+
+    Raises:
+        UserError: there is no such method.
+    """
+    method: Any = method_class(name)
+    made: Synthesizer | Repairer = method(method.Config(**config))
+    return made
 
 
 def load_encoder(folder: Path) -> Encoder:
@@ -79,22 +93,21 @@ def model_folder(name: str | Path) -> Path:
     return folder
 
 
-def load_model(
-    name: str | Path = "small", synthesizer: str = "lgrl", repairer: str | None = "evaps"
-) -> Model:
+def load_model(name: str | Path = "small", method: str = "evaps") -> Model:
     """A trained model: one of the shipped sets by its name, or a folder of checkpoints.
 
     Args:
         name: ``"small"``, or a folder that holds ``encoder``, and a folder for each method.
-        synthesizer: who proposes.
-        repairer: who repairs; None for proposals alone.
+        method: a synthesizer, which proposes alone, or a repairer, which mends what PROPOSER proposes.
 
     Raises:
+        UserError: there is no such method.
         CheckpointError: there is no such set, or it does not fit this version.
     """
+    repairs = issubclass(method_class(method), Repairer)
     folder = model_folder(name)
-    proposes = load_method(folder / synthesizer, synthesizer)
-    repairs = load_method(folder / repairer, repairer) if repairer else None
-    assert isinstance(proposes, Synthesizer)
-    assert repairs is None or isinstance(repairs, Repairer)
-    return Model(load_encoder(folder / "encoder"), proposes, repairs)
+    synthesizer = load_method(folder / (proposer := PROPOSER if repairs else method), proposer)
+    repairer = load_method(folder / method, method) if repairs else None
+    assert isinstance(synthesizer, Synthesizer)
+    assert repairer is None or isinstance(repairer, Repairer)
+    return Model(load_encoder(folder / "encoder"), synthesizer, repairer)

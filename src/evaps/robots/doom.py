@@ -240,11 +240,7 @@ def start_engine(wad: Path) -> Any:
     Raises:
         EngineError: why it cannot be started, in one line.
     """
-    try:
-        import vizdoom
-    except ImportError as error:
-        message = f"vizdoom cannot be loaded: {_one_line(error)}; try: pip install vizdoom"
-        raise EngineError(message) from error
+    vizdoom = _vizdoom()
     game = vizdoom.DoomGame()
     _configure(game, vizdoom, wad)
     try:
@@ -253,6 +249,15 @@ def start_engine(wad: Path) -> Any:
     except Exception as error:
         raise EngineError(f"the ViZDoom engine cannot start: {_one_line(error)}") from error
     return game
+
+
+def _vizdoom() -> Any:
+    try:
+        import vizdoom
+    except ImportError as error:
+        message = f"vizdoom cannot be loaded: {_one_line(error)}; try: pip install vizdoom"
+        raise EngineError(message) from error
+    return vizdoom
 
 
 @contextmanager
@@ -293,9 +298,7 @@ def _configure(game: Any, vizdoom: Any, wad: Path) -> None:
 @cache
 def doom_palette() -> Image:
     """The engine's 256 colours, uint8 ``[256, 3]``: the first palette of the freedoom2.wad in vizdoom."""
-    import vizdoom
-
-    wad = Path(vizdoom.__file__).with_name("freedoom2.wad").read_bytes()
+    wad = Path(_vizdoom().__file__).with_name("freedoom2.wad").read_bytes()
     palette = np.frombuffer(unpack(wad, "PLAYPAL")[:768], np.uint8).reshape(256, 3)
     palette.flags.writeable = False
     return palette
@@ -309,19 +312,22 @@ def check_wad(wad: Path) -> None:
     Raises:
         EngineError: why the engine cannot start with it, in one line.
     """
-    import vizdoom
-
-    key = hashlib.sha256(wad.read_bytes() + vizdoom.__version__.encode()).hexdigest()[:16]
-    cache_folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "evaps"
+    key = hashlib.sha256(wad.read_bytes() + _vizdoom().__version__.encode()).hexdigest()[:16]
+    cache_folder = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "evaps"
     passed = cache_folder / f"wad-{key}"
     if os.path.exists(passed):  # False, too, where the folder may not be read
         return
     code = "import sys, pathlib, evaps.robots.doom as doom; doom.start_engine(pathlib.Path(sys.argv[1]))"
     command = [sys.executable, "-c", code, str(wad)]
-    child = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    try:
+        child = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    except subprocess.TimeoutExpired:
+        raise EngineError("the ViZDoom engine does not start within two minutes") from None
     if child.returncode:
         lines = (child.stderr or child.stdout).strip().splitlines() or ["no message"]
-        reason = f"signal {-child.returncode}" if child.returncode < 0 else lines[-1]
+        reason = lines[-1].removeprefix(f"{EngineError.__module__}.EngineError: ")
+        if child.returncode < 0:
+            reason = f"signal {-child.returncode}"
         raise EngineError(f"the ViZDoom engine cannot start with this world: {reason}")
     with suppress(OSError):  # where nothing can be written, it is checked again next time
         cache_folder.mkdir(parents=True, exist_ok=True)

@@ -22,7 +22,7 @@ from evaps.synthesis.solution import Attempt
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.frames import rgbd, unpack_frame
 from evaps.tasks.progress import track
-from evaps.tasks.task import Task
+from evaps.tasks.task import EXAMPLES, Task
 
 BATCH = 128
 
@@ -71,16 +71,16 @@ def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> np.ndarray
     """
     path = dataset.folder / f"features-{key}-{len(dataset)}.npy"
     if not path.exists():
-        out = np.empty((len(dataset), 6, 2, encoder.config.feature), np.float16)
+        examples = EXAMPLES + 1  # the test example too, for training tasks: LGRL learns from any five of six
+        out = np.empty((len(dataset), examples, 2, encoder.config.feature), np.float16)
         frames = dataset.frames(range(len(dataset)))
         for tasks in track(
             iter(lambda: list(islice(frames, 10)), []), len(dataset), "features of tasks", 0, 10
         ):
             observations = [unpack_frame(f) for _, first, last in tasks for f in (*first, *last)]
             embedded = embed(encoder, observations).cpu().numpy()
-            out[[position for position, _, _ in tasks]] = embedded.reshape(-1, 2, 6, out.shape[-1]).swapaxes(
-                1, 2
-            )
+            by_task = embedded.reshape(-1, 2, examples, out.shape[-1]).swapaxes(1, 2)
+            out[[position for position, _, _ in tasks]] = by_task
         save_array(path, out)
     return np.load(path)
 

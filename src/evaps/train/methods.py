@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from functools import cached_property
 from importlib.metadata import version
@@ -29,6 +29,7 @@ from evaps.synthesis.mistakes import TASKS, Mistakes, generate_mistakes
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.identity import code_version, short_hash
 from evaps.tasks.progress import track
+from evaps.tasks.task import EXAMPLES
 from evaps.tasks.walks import Walks, generate_walks
 from evaps.train import encoder as stage0
 from evaps.train.batches import batch_at
@@ -77,7 +78,7 @@ class _Run:
 
     def train_encoder(self) -> Path:
         rows = [self.dataset.rows[p] for p in self.dataset.split("train")[: self.scale.task_walks]]
-        starts = [_start(row, row["index"] % 5) for row in rows]
+        starts = [_start(row, row["index"] % EXAMPLES) for row in rows]
         folder = self.dataset.folder / "walks"
         paths = generate_walks(folder, self.scale.walks, self.seed, self.workers, starts)
         torch.manual_seed(self.seed)
@@ -121,13 +122,11 @@ class _Run:
         def loss_at(step: int) -> tuple[Tensor, dict[str, float]]:
             positions = [train[i] for i in rows_at(step)]
             rng = np.random.default_rng([self.seed, 3, step])
-            held_out = rng.permuted(np.tile(np.arange(6), (len(positions), 1)), axis=1)[
-                :, :5
-            ]  # the pair left out rotates
-            return loss_of(positions, held_out), {}
+            pairs = rng.permuted(np.tile(np.arange(EXAMPLES + 1), (len(positions), 1)), axis=1)
+            return loss_of(positions, pairs[:, :EXAMPLES]), {}  # the pair left out rotates
 
         def validate() -> dict[str, float]:
-            first_five = np.tile(np.arange(5), (batch, 1))
+            first_five = np.tile(np.arange(EXAMPLES), (batch, 1))
             parts = [held[i : i + batch] for i in range(0, len(held), batch)]
             losses = [loss_of(p, first_five[: len(p)]).item() for p in parts]
             return {"loss": float(np.mean(losses)), "exact": self._exact(model, held)}
@@ -184,16 +183,13 @@ class _Run:
         read_config(folder, "pair")
         load_weights(folder, model.get_submodule("pair"))
 
-    def _beam(self, model: Synthesizer, positions: Sequence[int], beam: int) -> list[list[Program]]:
+    def _beam(self, model: Synthesizer, positions: Sequence[int], beam: int) -> Iterator[list[Program]]:
         """The synthesizer's programs for tasks of the data set, from their five specification examples."""
-        found = []
-        parts = [positions[i : i + 16] for i in range(0, len(positions), 16)]
-        for part in track(parts, len(positions), "proposals", 0, 16):
-            features = torch.from_numpy(self._features[np.asarray(part), :5].astype(np.float32))
+        for part in (positions[i : i + 16] for i in range(0, len(positions), 16)):
+            features = torch.from_numpy(self._features[np.asarray(part), :EXAMPLES].astype(np.float32))
             with autocast():
                 proposals = beam_search(model, features.to(device()), beam)
-            found += [[p.program for p in group] for group in proposals]
-        return found
+            yield from ([p.program for p in group] for group in proposals)
 
     def _exact(self, model: Synthesizer, positions: Sequence[int]) -> float:
         best = self._beam(model, positions, 4)
@@ -216,6 +212,7 @@ class _Run:
             torch.manual_seed(self.seed)
             synthesizer.train()  # with dropout, since it knows these tasks better than any that it will meet
             beams = self._beam(synthesizer, positions, max(8, scale.failures))
+            beams = track(beams, len(positions), "proposals")
             failures = {p: self._wrong(p, b) for p, b in zip(positions, beams, strict=True)}
         encoder = self.out / "encoder"
         paths = generate_mistakes(

@@ -1,0 +1,122 @@
+"""From nothing to an answer: data, all trainings, evaluation and synthesis at the smoke scale."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from evaps.dsl import Program, UserError
+from evaps.evaluate import evaluate
+from evaps.models.checkpoint import CheckpointError
+from evaps.tasks.dataset import Dataset, generate
+from evaps.train import train
+
+ROOT = Path(__file__).parents[1]
+EVAPS = str(Path(sys.executable).with_name("evaps"))
+TIMES = ("seconds",)
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pipeline") / "data"
+    generate(folder, 60, 5, workers=1, part=20)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def model(data: Path) -> Path:
+    out = data.parent / "run"
+    for method in ("encoder", "lgrl", "evaps"):
+        train(method, data, out, "smoke", workers=1)
+    return out
+
+
+def test_each_training_needs_what_comes_before_it(data: Path, tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match="no checkpoint of encoder"):
+        train("lgrl", data, tmp_path, "smoke")
+
+
+def test_a_checkpoint_says_how_it_was_made(model: Path) -> None:
+    facts = json.loads((model / "evaps" / "config.json").read_text())["facts"]
+    assert (facts["scale"], facts["seed"], facts["dataset"]["seed"]) == ("smoke", 0, 5)
+    assert facts["precision"] in ("bfloat16", "float32")
+
+
+def test_a_training_that_is_done_is_not_done_again(data: Path, model: Path) -> None:
+    before = (model / "lgrl" / "model.safetensors").read_bytes()
+    metrics = (model / "lgrl" / "metrics.jsonl").read_text()
+    train("lgrl", data, model, "smoke")
+    assert (model / "lgrl" / "model.safetensors").read_bytes() == before
+    assert (model / "lgrl" / "metrics.jsonl").read_text() == metrics
+
+
+def test_another_seed_does_not_go_on_with_it(data: Path, model: Path) -> None:
+    with pytest.raises(UserError, match="other settings"):
+        train("lgrl", data, model, "smoke", seed=1)
+
+
+def test_an_evaluation_is_the_same_again(data: Path, model: Path, tmp_path: Path) -> None:
+    tasks = len(Dataset(data).split("test"))
+    paths = [evaluate(data, tmp_path / f"{n}.parquet", str(model), top_k=4, workers=n) for n in (0, 1)]
+    one, two = (pq.read_table(path).drop_columns(TIMES).to_pylist() for path in paths)
+    assert one == two
+    assert len(one) == 2 * 4 * tasks
+    assert not list(tmp_path.glob("*.parts*"))
+    for row in one:
+        assert row["generalization_state"] <= row["semantic_state"]
+        assert (row["pairs_passed"] == 5) == row["semantic_frame"]
+        assert row["rounds"] <= (5 if row["method"] == "evaps" else 0)
+
+
+def test_a_synthesizer_is_judged_without_a_repairer(data: Path, model: Path, tmp_path: Path) -> None:
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    for name in ("encoder", "lgrl"):
+        (alone / name).symlink_to(model / name)
+    rows = evaluate(data, tmp_path / "rows.parquet", str(alone), ("lgrl",), tasks=1, top_k=2, workers=0)
+    assert pq.read_table(rows)["method"].to_pylist() == ["lgrl", "lgrl"]
+    with pytest.raises(CheckpointError, match="evaps"):
+        evaluate(data, tmp_path / "no.parquet", str(alone), ("lgrl", "evaps"), tasks=1, workers=0)
+
+
+def test_synthesize_answers_in_json_and_writes_the_page(model: Path, tmp_path: Path) -> None:
+    tasks = [ROOT / "examples" / "tasks" / name for name in ("look-around", "sidestep-and-shoot")]
+    options = ["--model", model, "--json", "--report", tmp_path / "page.html", "--top-k", "3"]
+    done = subprocess.run(
+        [EVAPS, "synthesize", *map(str, [*tasks, *options])], capture_output=True, text=True, timeout=200
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [answer["task"] for answer in answers] == [task.name for task in tasks]
+    for answer in answers:
+        passed = [candidate["pairs_passed"] for candidate in answer["candidates"]]
+        assert passed == sorted(passed, reverse=True)
+        assert answer["solved"] == (passed[0] == 5)
+        assert all(Program.parse(candidate["program"]) for candidate in answer["candidates"])
+        assert answer["simulated_actions"] > 0
+    page = (tmp_path / "page.html").read_text()
+    assert all(task.name in page for task in tasks)
+    assert 'src="http' not in page
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--method", "nobody"], "no method 'nobody'"),
+        (["--model", "nowhere"], "no checkpoint folder 'nowhere'"),
+        (["--top-k", "0"], "--top-k must be at least 1"),
+        (["--report", "/proc/none/page.html"], "cannot be written"),
+    ],
+)
+def test_wrong_options_give_one_line_before_any_work(model: Path, options: list[str], message: str) -> None:
+    task = ROOT / "examples" / "tasks" / "look-around"
+    command = [EVAPS, "synthesize", str(task), "--model", str(model), *options]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1
