@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
+from contextlib import redirect_stderr
 from dataclasses import dataclass
+from io import StringIO
+from itertools import takewhile
 from typing import Annotated, TypeAlias
 
 import tyro
@@ -48,5 +52,20 @@ def main(args: Sequence[str] | None = None) -> int:
         SystemExit: 0 after help, 2 if the arguments are wrong.
     """
     config = (OmitSubcommandPrefixes, OmitArgPrefixes, FlagCreatePairsOff)
-    evaps = tyro.cli(Evaps, prog="evaps", args=args, config=config)
+    complaint = StringIO()
+    try:
+        with redirect_stderr(complaint):
+            evaps = tyro.cli(Evaps, prog="evaps", args=args, config=config)
+    except SystemExit:
+        if complaint.getvalue():
+            print(f"evaps: {_first_part(complaint.getvalue())}", file=sys.stderr)
+        raise
     return exit_status(evaps.command, evaps.debug)
+
+
+def _first_part(box: str) -> str:
+    """What is wrong, from the first part of the box in which tyro says it, in one line."""
+    lines = [line.strip("│ ") for line in box.splitlines() if not line.startswith(("╭", "╰"))]
+    said = takewhile(lambda line: not line.startswith("─"), lines)
+    what = " ".join(" ".join(said).split()).rstrip(".")
+    return f"{what}; evaps --help and evaps COMMAND --help list what there is"

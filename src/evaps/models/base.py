@@ -62,17 +62,17 @@ class Execution:
     """
 
     program: Program
-    before: np.ndarray[Any, Any]
-    after: np.ndarray[Any, Any]
-    first: np.ndarray[Any, Any]
-    final: np.ndarray[Any, Any]
-    goal: np.ndarray[Any, Any]
+    before: Int[np.ndarray, "pair segment"]
+    after: Int[np.ndarray, "pair segment"]
+    first: Int[np.ndarray, " pair"]
+    final: Int[np.ndarray, " pair"]
+    goal: Int[np.ndarray, " pair"]
 
-    def rows(self) -> tuple[np.ndarray[Any, Any], ...]:
+    def rows(self) -> tuple[Int[np.ndarray, ...], ...]:
         """All arrays of rows, in the order of the fields."""
         return self.before, self.after, self.first, self.final, self.goal
 
-    def renumbered(self, used: np.ndarray[Any, Any]) -> Execution:
+    def renumbered(self, used: Int[np.ndarray, " row"]) -> Execution:
         """The same for a table that has only the rows ``used``, which are sorted."""
         return Execution(self.program, *(np.where(r < 0, -1, np.searchsorted(used, r)) for r in self.rows()))
 

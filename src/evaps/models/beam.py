@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 import torch
@@ -17,6 +17,7 @@ from evaps.dsl.sampler import MAX_TOKENS
 from evaps.models.base import Features, Synthesizer
 
 
+@runtime_checkable
 class Partial(Protocol):
     """The left part of what is searched for. Immutable."""
 
@@ -27,8 +28,8 @@ class Partial(Protocol):
     def allowed(self) -> NDArray[np.bool_]:
         """Which choices come next, bool ``[choice]``; at least one, unless it is finished."""
 
-    def advance(self, choice: int) -> Self:
-        """With one more choice."""
+    def advance(self, choice: int) -> Any:
+        """One of the same kind, with one more choice."""
 
 
 P = TypeVar("P", bound=Partial)

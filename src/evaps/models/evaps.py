@@ -78,8 +78,10 @@ class Batch:
         programs = [e.program for e in executions]
         tokens = pad([VOCAB.encode(p.tokens) for p in programs])
         counts = [len(p.segments) for p in programs]
-        starts = np.cumsum([0, *counts[:-1]])
-        segments = pad([np.add(p.token_segments, s) for p, s in zip(programs, starts, strict=True)])
+        starts = np.cumsum([0, *counts[:-1]]).tolist()
+        segments = pad(
+            [[s + start for s in p.token_segments] for p, start in zip(programs, starts, strict=True)]
+        )
         offsets = np.arange(len(programs)) * tokens.shape[1]
         edges = np.concatenate([np.add(p.edges, o) for p, o in zip(programs, offsets, strict=True)])
         both = torch.from_numpy(np.concatenate([edges, edges[:, ::-1]]).T.copy())
