@@ -38,7 +38,7 @@ def test_weights_of_another_size_are_refused(tmp_path: Path) -> None:
     config = json.loads((tmp_path / "config.json").read_text())
     config["config"]["hidden"] = 64
     (tmp_path / "config.json").write_text(json.dumps(config))
-    with pytest.raises(CheckpointError, match="do not fit") as error:
+    with pytest.raises(CheckpointError, match="does not fit") as error:
         load_method(tmp_path, "lgrl")
     assert "\n" not in str(error.value)
 
