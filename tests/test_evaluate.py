@@ -7,7 +7,8 @@ import pytest
 
 from evaps.dsl import Program, run
 from evaps.dsl.sampler import PERCEPTION_KEYS
-from evaps.evaluate import SCHEMA, match, paired_difference, summarize
+from evaps.evaluate import SCHEMA, match
+from evaps.metrics import answers, paired_difference, summarize
 from evaps.robots.base import Pose, Scene, Thing
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
@@ -60,7 +61,8 @@ def test_the_three_metrics(
 
 
 def rows(method: str, ranks_that_match: list[int | None]) -> list[dict[str, object]]:
-    blank = dict(seed=0, scale="test", commit="", machine="", steps=2, program="", pairs_passed=0, rounds=0)
+    blank = dict(seed=0, scale="test", commit="", weights="", evaluated_by="", machine="", dataset_seed=0)
+    blank |= dict(steps=2, program="", pairs_passed=0, rounds=0)
     cost = dict(simulated_actions=10, seconds=1.0, semantic_frame=False, generalization_frame=False)
     return [
         {
@@ -83,6 +85,16 @@ def test_top_k_counts_a_task_once_any_of_its_first_k_matches(tmp_path: Path) -> 
     assert [lgrl[f"exact@{k}"] for k in (1, 5, 20)] == [20, 40, 80]
     assert [evaps[f"exact@{k}"] for k in (1, 5, 20)] == [80, 80, 80]
     assert lgrl["tasks"] == 5
+
+
+def test_the_answer_is_the_first_of_those_that_pass_most_pairs(tmp_path: Path) -> None:
+    made = rows("lgrl", [3, 3, 0])
+    passed = {(0, 3): 5, (0, 7): 5, (1, 2): 4, (1, 5): 4}  # task and rank
+    for row in made:
+        row["pairs_passed"] = passed.get((row["task"], row["rank"]), 1)
+    write_table(tmp_path / "rows.parquet", made, SCHEMA)
+    assert answers(tmp_path / "rows.parquet", "lgrl") == {0: True, 1: False, 2: True}
+    assert summarize(tmp_path / "rows.parquet")[0]["answer"] == pytest.approx(200 / 3)
 
 
 def test_the_bootstrap_interval_covers_zero_exactly_when_it_should(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ FLOORS = [
     {"robots", "models"},
     {"tasks"},
     {"synthesis"},
-    {"train", "evaluate"},
+    {"train", "evaluate", "metrics"},
     {"report", "viewer", "bench"},
     {"cli", "recipes", "__main__"},
 ]

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from evaps.evaluate import METRICS, TOP, paired_difference, summarize
+from evaps.metrics import METRICS, TOP, paired_difference, summarize
 
 NAMES = {"lgrl": "LGRL", "evaps": "EVAPS (repairs LGRL's candidates)"}
 TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state": "generalization"}
 
 
 def summary_table(rows: Path) -> str:
-    """Markdown: for each method the metrics at top-1 / 5 / 20 in %, seconds and simulated actions a task."""
-    head = ["method", *(TITLES[m] for m in METRICS), "seconds", "simulated actions"]
+    """Markdown: for each method the metrics at top-1 / 5 / 20 and its answer in %, and its cost a task."""
+    head = ["method", *(TITLES[m] for m in METRICS), "answer", "seconds", "simulated actions"]
     lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
     for line in summarize(rows):
         matches = [" / ".join(f"{line[f'{metric}@{k}']:.1f}" for k in TOP) for metric in METRICS]
-        costs = [f"{line['seconds']:.2f}", f"{line['simulated_actions']:.0f}"]
+        costs = [f"{line['answer']:.1f}", f"{line['seconds']:.2f}", f"{line['simulated_actions']:.0f}"]
         lines.append(f"| {' | '.join([NAMES.get(line['method'], line['method']), *matches, *costs])} |")
     return "\n".join(lines)
 

@@ -15,7 +15,8 @@ from evaps.dsl import UserError
 class Evaluate(Command):
     """Judge methods on tasks that they were not trained on; one row for each method, task and rank.
 
-    Prints a table in %: exact, semantic (five examples) and generalization match (six) at top-1 / 5 / 20.
+    Prints a table in %: exact, semantic (five examples) and generalization match (six) at top-1 / 5 / 20, and
+    how often the answer, the first candidate that passes most of the five, generalizes.
     """
 
     stopped: ClassVar[str] = "stopped; nothing is lost: the same command goes on where it was"
