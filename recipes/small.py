@@ -15,7 +15,7 @@ from pathlib import Path
 from evaps.evaluate import evaluate
 from evaps.models import SHIPPED
 from evaps.report import difference_line, summary_table
-from evaps.tasks.dataset import generate
+from evaps.tasks.build import generate
 from evaps.train import train
 from evaps.train.scale import SCALES
 

@@ -11,7 +11,8 @@ import pytest
 from evaps.dsl import Program, UserError
 from evaps.evaluate import evaluate
 from evaps.models.checkpoint import CheckpointError
-from evaps.tasks.dataset import Dataset, generate
+from evaps.tasks.build import generate
+from evaps.tasks.dataset import Dataset
 from evaps.train import train
 
 ROOT = Path(__file__).parents[1]

@@ -14,7 +14,8 @@ from evaps.dsl import Program
 from evaps.robots.base import state_match
 from evaps.robots.memo import MemoRobot
 from evaps.synthesis.solution import attempt
-from evaps.tasks.dataset import Dataset, DatasetError, generate, split_of
+from evaps.tasks.build import generate, render
+from evaps.tasks.dataset import Dataset, DatasetError, split_of, task_parts
 from evaps.tasks.frames import unpack_frame
 
 TASKS, PART, SEED = 18, 6, 7
@@ -57,6 +58,28 @@ def test_a_part_that_is_missing_is_made_again(folder: Path, copy: Path) -> None:
     assert generate(copy, TASKS, SEED, workers=0, part=PART) == TASKS
     assert files(copy) == files(folder)
     assert kept.stat().st_mtime_ns == before
+
+
+def test_shards_add_up_to_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    whole = tmp_path / "whole"
+    for share in (1, 2):
+        shard = tmp_path / f"shard{share}"
+        generate(shard, TASKS, SEED, workers=0, part=PART, shard=(share, 2))
+        assert not (shard / "tasks.parquet").exists()
+        shutil.copytree(shard, whole, dirs_exist_ok=True)
+    assert len(list(whole.glob("parts/*"))) == 4  # one more than is needed
+    generate(whole, TASKS, SEED, workers=0, part=PART)
+    assert files(whole) == files(folder)
+
+
+def test_frames_that_were_left_out_are_rendered_to_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    bare = tmp_path / "bare"
+    generate(bare, TASKS, SEED, workers=0, part=PART, frames=False)
+    assert not (bare / "frames").exists()
+    with pytest.raises(DatasetError, match="evaps render"):
+        list(Dataset(bare).frames([0]))
+    assert render(bare, workers=1) == TASKS
+    assert files(bare) == files(folder)
 
 
 def test_where_a_program_comes_twice_one_more_is_made(folder: Path, copy: Path) -> None:
@@ -110,7 +133,8 @@ def test_any_reader_of_parquet_can_open_it(folder: Path) -> None:
 def test_gold_tasks_are_solved_by_their_programs(folder: Path, robot: MemoRobot) -> None:
     data = Dataset(folder)
     positions = [0, PART + 1, TASKS - 1]  # one of each part
-    golds = list(data.gold_tasks(positions))
+    (part,) = task_parts(folder, data, positions, size=10)
+    golds = list(part.golds())
     assert [gold.name for gold in golds] == [f"task-{p}" for p in positions]
     for position, gold in zip(positions, golds, strict=True):
         assert str(gold.program) == data.rows[position]["program"]

@@ -1,15 +1,16 @@
-"""``evaps generate``: a data set of random tasks."""
+"""``evaps generate``: a data set of random tasks. ``evaps render``: its frames, where they were left out."""
 
 from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from evaps.cli.command import Command
 from evaps.cli.inputs import Folder, check_least, writing
+from evaps.dsl import UserError
 
 
 def available_cores() -> int:
@@ -34,13 +35,56 @@ class Generate(Command):
     """Of everything random, from 0."""
     workers: int = field(default_factory=available_cores)
     """Processes that simulate, each with an engine; by default one a core. 0 works in this process."""
+    shard: Annotated[str, arg(metavar="I/N")] = "1/1"
+    """Make the I-th of N shares of the parts, for several machines. Copy all shares into one folder and
+    generate once more without this: that makes what is missing and joins them."""
+    no_frames: bool = False
+    """Leave out the first and last observations; `evaps render` makes them later."""
 
     def run(self) -> None:
         """Generate, with progress on standard error."""
+        shard = read_shard(self.shard)
         check_least(tasks=(self.tasks, 1), seed=(self.seed, 0), workers=(self.workers, 0))
-        from evaps.tasks.dataset import generate
+        from evaps.tasks.build import generate
 
         with writing(self.out):
             self.out.mkdir(parents=True, exist_ok=True)
-            indices = generate(self.out, self.tasks, self.seed, self.workers)
-        print(f"{self.out}: {self.tasks} tasks with distinct programs, out of {indices}")
+            indices = generate(
+                self.out, self.tasks, self.seed, self.workers, shard=shard, frames=not self.no_frames
+            )
+        if shard[1] > 1:
+            print(f"{self.out}: share {self.shard}, {indices} tasks")
+        else:
+            print(f"{self.out}: {self.tasks} tasks with distinct programs, out of {indices}")
+
+
+def read_shard(text: str) -> tuple[int, int]:
+    """Which share, from 1, and of how many.
+
+    Raises:
+        UserError: it is not of the form I/N.
+    """
+    share, _, shards = text.partition("/")
+    if not (share.isdecimal() and shards.isdecimal() and 1 <= int(share) <= int(shards)):
+        raise UserError(f"--shard must be I/N with I from 1 to N, such as 2/3, not {text!r}")
+    return int(share), int(shards)
+
+
+@dataclass(frozen=True)
+class Render(Command):
+    """Make the frames of a data set that was generated with --no-frames, or go on with it."""
+
+    stopped: ClassVar[str] = "stopped; nothing is lost: the same command goes on where it was"
+
+    data: Positional[Folder]
+    """Folder of the data set."""
+    workers: int = field(default_factory=available_cores)
+    """Processes that simulate; by default one a core."""
+
+    def run(self) -> None:
+        """Render, with progress on standard error."""
+        check_least(workers=(self.workers, 0))
+        from evaps.tasks.build import render
+
+        with writing(self.data):
+            print(f"{self.data}: {render(self.data, self.workers)} tasks with frames")

@@ -15,7 +15,7 @@ from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, OmitSubcommandPrefixe
 
 from evaps.cli.command import exit_status
 from evaps.cli.evaluate import Evaluate
-from evaps.cli.generate import Generate
+from evaps.cli.generate import Generate, Render
 from evaps.cli.make_task import MakeTask
 from evaps.cli.run import Run
 from evaps.cli.synthesize import Demo, Synthesize
@@ -26,6 +26,7 @@ AnyCommand: TypeAlias = (
     Annotated[Run, subcommand("run")]
     | Annotated[MakeTask, subcommand("make-task")]
     | Annotated[Generate, subcommand("generate")]
+    | Annotated[Render, subcommand("render")]
     | Annotated[Train, subcommand("train")]
     | Annotated[Synthesize, subcommand("synthesize")]
     | Annotated[Evaluate, subcommand("evaluate")]

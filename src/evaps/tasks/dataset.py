@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
-import json
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from importlib.metadata import version
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +13,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from evaps.dsl import Program, UserError
-from evaps.dsl.sampler import SamplerConfig
 from evaps.files import write_atomically
 from evaps.robots.base import Scene, WorldState
-from evaps.robots.doom import ROBOT
-from evaps.robots.memo import MemoRobot
 from evaps.tasks.files import read_json
-from evaps.tasks.frames import pack_frame, unpack_frame
-from evaps.tasks.generate import Draft, generate_task
-from evaps.tasks.parts import make_parts
+from evaps.tasks.frames import unpack_frame
 from evaps.tasks.task import GoldTask, Outcome
 
 FORMAT = 1
@@ -68,20 +60,6 @@ TASK_SCHEMA = pa.schema(
 FRAME_SCHEMA = pa.schema({"index": pa.int64(), "first": pa.list_(pa.binary()), "last": pa.list_(pa.binary())})
 
 
-def _rows(index: int, draft: Draft) -> tuple[dict[str, Any], dict[str, Any]]:
-    task = {
-        "index": index,
-        "program": str(draft.program),
-        "split": split_of(draft.program),
-        "steps": draft.steps,
-        "scenes": [scene.to_json() for scene in draft.scenes],
-        "states": [state.to_json() for state in draft.states],
-        "actions": [" ".join(actions) for actions in draft.actions],
-    }
-    first, last = ([pack_frame(f) for f in frames] for frames in (draft.first, draft.last))
-    return task, {"index": index, "first": first, "last": last}
-
-
 @dataclass(frozen=True)
 class Part:
     """Some indices of a data set, made together."""
@@ -90,7 +68,11 @@ class Part:
     seed: int
     number: int
     size: int = PART
-    config: SamplerConfig = field(default_factory=SamplerConfig)
+
+    @property
+    def indices(self) -> range:
+        """The indices."""
+        return range(self.number * self.size, (self.number + 1) * self.size)
 
     @property
     def path(self) -> Path:
@@ -103,85 +85,17 @@ class Part:
         return self.folder / "frames" / f"frames-{self.number:05d}.parquet"
 
 
-def make_part(robot: MemoRobot, part: Part) -> None:
-    """Generate the tasks of a part and write its two files; frames first, so that the tasks mean: done."""
-    indices = range(part.number * part.size, (part.number + 1) * part.size)
-    rows = [_rows(i, generate_task(part.seed, i, robot, part.config)) for i in indices]
-    write_table(part.frames, [frames for _, frames in rows], FRAME_SCHEMA)
-    write_table(part.path, [task for task, _ in rows], TASK_SCHEMA)
-
-
-def generate(folder: Path, tasks: int, seed: int, workers: int, part: int = PART) -> int:
-    """Make a data set of so many tasks with distinct programs, or go on where it was interrupted.
-
-    Tasks come in the order of their indices; of equal programs the first is kept.
-
-    Args:
-        folder: where to.
-        tasks: how many.
-        seed: of everything random.
-        workers: processes.
-        part: how many indices are made together, and lost together where the job is stopped.
-
-    Returns:
-        how many indices it took.
+def read_identity(folder: Path) -> dict[str, Any]:
+    """What ``dataset.json`` says: seed, size, robot and versions.
 
     Raises:
-        DatasetError: the folder holds another data set, or other files.
+        DatasetError: it is missing or no object.
     """
-    _write_identity(folder, tasks, seed, part)
-    number = 0
-    while True:
-        missing = max(1, -(-(tasks - _distinct(folder, number)) // part))
-        wanted = [Part(folder, seed, n, part) for n in range(number, number + missing)]
-        make_parts(make_part, wanted, workers, "tasks", part)
-        number += missing
-        if _distinct(folder, number) >= tasks:
-            _write_index(folder, number, tasks)
-            return number * part
-
-
-def _write_identity(folder: Path, tasks: int, seed: int, part: int) -> None:
-    made_by = {"evaps": version("evaps"), "vizdoom": version("vizdoom")}
-    identity = {"format": FORMAT, "robot": ROBOT, "seed": seed, "tasks": tasks, **made_by}
-    identity |= {"part": part} if part != PART else {}
     path = folder / "dataset.json"
-    if path.exists():
-        found = _read_identity(path)
-        for key in ("format", "robot", "vizdoom", "seed", "part"):
-            usual = PART if key == "part" else None
-            there, wanted = found.get(key, usual), identity.get(key, usual)
-            if there != wanted:
-                raise DatasetError(f"{folder} has {key} {there}, not {wanted}; use another folder")
-        identity["evaps"] = found.get("evaps")  # the version that began it
-    elif folder.exists() and any(folder.iterdir()):
-        raise DatasetError(f"{folder} is not empty and no data set; choose another folder")
-    write_atomically(path, (json.dumps(identity, indent=1) + "\n").encode())
-
-
-def _read_identity(path: Path) -> dict[str, Any]:
     found = read_json(path, DatasetError)
     if not isinstance(found, dict):
         raise DatasetError(f"{path}: expected an object with the seed and the size of a data set")
     return found
-
-
-def _part_rows(folder: Path, number: int) -> Iterator[dict[str, Any]]:
-    for n in range(number):
-        yield from pq.read_table(Part(folder, 0, n).path).to_pylist()
-
-
-def _distinct(folder: Path, number: int) -> int:
-    tables = [pq.read_table(Part(folder, 0, n).path, columns=["program"]) for n in range(number)]
-    return len(set(itertools.chain.from_iterable(t["program"].to_pylist() for t in tables)))
-
-
-def _write_index(folder: Path, number: int, tasks: int) -> None:
-    """Join the parts into one file of distinct programs."""
-    kept: dict[str, dict[str, Any]] = {}
-    for row in _part_rows(folder, number):
-        kept.setdefault(row["program"], row)
-    write_table(folder / "tasks.parquet", list(kept.values())[:tasks], TASK_SCHEMA)
 
 
 class Dataset:
@@ -202,7 +116,7 @@ class Dataset:
         self.folder = Path(folder)
         if not (self.folder / "tasks.parquet").exists():
             raise DatasetError(f"{folder} holds no complete data set; make one with: evaps generate {folder}")
-        self.identity = _read_identity(self.folder / "dataset.json")
+        self.identity = read_identity(self.folder)
         self.rows: list[dict[str, Any]] = pq.read_table(self.folder / "tasks.parquet").to_pylist()
 
     def __len__(self) -> int:
@@ -220,11 +134,18 @@ class Dataset:
 
 
 def read_frames(folder: Path, indices: Sequence[int]) -> Iterator[tuple[int, list[bytes], list[bytes]]]:
-    """For each task with one of these indices: first and last observations of its examples, packed."""
+    """For each task with one of these indices: first and last observations of its examples, packed.
+
+    Raises:
+        DatasetError: the frames were left out.
+    """
     wanted = set(indices)
-    size = _read_identity(folder / "dataset.json").get("part", PART)
+    size = read_identity(folder).get("part", PART)
     for number in sorted({index // size for index in wanted}):
-        for row in pq.read_table(Part(folder, 0, number).frames).to_pylist():
+        path = Part(folder, 0, number).frames
+        if not path.exists():
+            raise DatasetError(f"{path} is missing; make the frames with: evaps render {folder}")
+        for row in pq.read_table(path).to_pylist():
             if row["index"] in wanted:
                 yield row["index"], row["first"], row["last"]
 
