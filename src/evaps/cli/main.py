@@ -13,6 +13,7 @@ from typing import Annotated, TypeAlias
 import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, OmitSubcommandPrefixes, subcommand
 
+from evaps.cli.bench import Bench
 from evaps.cli.command import exit_status
 from evaps.cli.evaluate import Evaluate
 from evaps.cli.generate import Generate, Render
@@ -30,6 +31,7 @@ AnyCommand: TypeAlias = (
     | Annotated[Train, subcommand("train")]
     | Annotated[Synthesize, subcommand("synthesize")]
     | Annotated[Evaluate, subcommand("evaluate")]
+    | Annotated[Bench, subcommand("bench")]
     | Annotated[Demo, subcommand("demo")]
 )
 

@@ -12,7 +12,11 @@ from evaps.models.base import Repairer, Synthesizer
 from evaps.models.checkpoint import CheckpointError, fitting, load_weights, read_config
 from evaps.models.encoder import Encoder, EncoderConfig
 
-METHODS = {"lgrl": "evaps.models.lgrl:LGRL", "evaps": "evaps.models.evaps:Evaps"}
+METHODS = {
+    "lgrl": "evaps.models.lgrl:LGRL",
+    "transformer": "evaps.models.transformer:Transformer",
+    "evaps": "evaps.models.evaps:Evaps",
+}
 """Where every method's class is, by name; a module is imported when its method is used."""
 
 PROPOSER = "lgrl"

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
+from torch.nn import functional as F
 
 from evaps.dsl import Program
 
@@ -101,6 +102,17 @@ class Repairer(nn.Module, ABC):
         table: Float[Tensor, "row feature"],
     ) -> Float[Tensor, ""]:
         """How far the predicted edits are from those that lead to the targets."""
+
+
+def masked_likelihood(
+    logits: Float[Tensor, "batch time vocab"],
+    tokens: Int[Tensor, "batch time"],
+    masks: Bool[Tensor, "batch time vocab"],
+) -> Float[Tensor, ""]:
+    """Negative log-likelihood of tokens under a mask, a mean over tokens; padding (0) does not count."""
+    logits = logits.float().masked_fill(~masks, -torch.inf)
+    logits = torch.where((tokens == 0)[..., None], 0.0, logits)  # padding: no mask, no loss
+    return F.cross_entropy(logits.flatten(0, 1), tokens.flatten(), ignore_index=0)
 
 
 def pad(rows: Sequence[Sequence[int]], value: int = 0) -> Int[Tensor, "row longest"]:

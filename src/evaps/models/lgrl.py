@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from evaps.dsl import VOCAB
-from evaps.models.base import Features, Synthesizer
+from evaps.models.base import Features, Synthesizer, masked_likelihood
 from evaps.models.encoder import PairConfig, PairEmbedding
 
 
@@ -82,9 +82,7 @@ class LGRL(Synthesizer):
         """See :meth:`Synthesizer.loss`."""
         before = F.pad(tokens[:, :-1], (1, 0))
         logits, _ = self._decode(self.start(features).pair, before, None)
-        logits = logits.float().masked_fill(~masks, -torch.inf)
-        logits = torch.where((tokens == 0)[..., None], 0.0, logits)  # padding: no mask, no loss
-        return F.cross_entropy(logits.flatten(0, 1), tokens.flatten(), ignore_index=0)
+        return masked_likelihood(logits, tokens, masks)
 
     def _decode(
         self,

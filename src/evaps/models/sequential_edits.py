@@ -130,7 +130,7 @@ class Lesson:
 
 
 class SequentialEdits(nn.Module):
-    """An LSTM per pair over the edits; the top states are max-pooled over the pairs.
+    """An LSTM over the edits, which sees the token at the pointer, max-pooled over the pairs.
 
     Args:
         memory: size of a token's representation.
@@ -160,33 +160,30 @@ class SequentialEdits(nn.Module):
         for mask, lesson in zip(masks, lessons, strict=True):
             mask[: len(lesson.choices)] = lesson.masks
         last = F.pad(choices[:, :-1].clamp(min=0), (1, 0), value=EDITS)
-        logits, _ = self(memory, last, pointers, None)
+        logits, _ = self(memory.amax(1), last, pointers, None)
         logits = logits.float().masked_fill(~torch.from_numpy(masks).to(memory.device), -torch.inf)
         losses = F.cross_entropy(logits.transpose(1, 2), choices, ignore_index=-1, reduction="none")
         return (losses.sum(1) / (choices >= 0).sum(1)).mean()
 
     def forward(
         self,
-        memory: Float[Tensor, "batch pair time memory"],
+        memory: Float[Tensor, "batch time memory"],
         last: Int[Tensor, "batch edit"],
         pointers: Int[Tensor, "batch edit"],
         hidden: tuple[Tensor, Tensor] | None,
     ) -> tuple[Float[Tensor, "batch edit choice"], tuple[Tensor, Tensor]]:
         """Logits of each edit, given the one before it and where the pointer stands."""
-        pairs = memory.shape[1]
-        rows = torch.arange(len(memory), device=memory.device)[:, None]
-        pointed = memory.transpose(1, 2)[rows, pointers].transpose(1, 2)
-        embedded = self.edit(last)[:, None].expand(-1, pairs, -1, -1)
-        given = self.dropout(torch.cat([embedded, pointed.to(embedded.dtype)], -1))
-        outputs, hidden = self.lstm(given.flatten(0, 1), hidden)
-        pooled = outputs.unflatten(0, (-1, pairs)).amax(1)
-        return self.output(self.dropout(pooled)), hidden
+        at_pointer = F.one_hot(pointers, memory.shape[1]).to(memory.dtype) @ memory  # quicker than indexing
+        embedded = self.edit(last)
+        given = self.dropout(torch.cat([embedded, at_pointer.to(embedded.dtype)], -1))
+        outputs, hidden = self.lstm(given, hidden)
+        return self.output(self.dropout(outputs)), hidden
 
     def decode(
         self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
     ) -> list[list[Program]]:
         """For each program what it may become, most probable first; everything parses."""
-        pairs = memory.shape[1]
+        pooled = memory.amax(1)
         hidden: tuple[Tensor, Tensor] | None = None
         owner = torch.arange(len(memory), device=memory.device)
         last = torch.full_like(owner, EDITS)
@@ -196,10 +193,9 @@ class SequentialEdits(nn.Module):
             if chosen is not None and hidden is not None:
                 rows, last = chosen
                 owner = owner[rows]
-                flat = (rows[:, None] * pairs + torch.arange(pairs, device=rows.device)).flatten()
-                hidden = (hidden[0][:, flat], hidden[1][:, flat])
+                hidden = (hidden[0][:, rows], hidden[1][:, rows])
             pointers = torch.tensor([p.pointer for p in partials], device=memory.device)
-            logits, hidden = self(memory[owner], last[:, None], pointers[:, None], hidden)
+            logits, hidden = self(pooled[owner], last[:, None], pointers[:, None], hidden)
             return logits[:, 0]
 
         found = search([Edited.start(program) for program in before], step, beam, _LONGEST)

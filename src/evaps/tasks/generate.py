@@ -17,6 +17,7 @@ from evaps.tasks.task import EXAMPLES
 SCENES = 10  # drawn for a task; six of them become its examples
 PROGRAMS = 24  # tried on these scenes before new ones are drawn
 LEAST_STEPS = 2
+USUAL_PROGRAMS = SamplerConfig()
 USUAL_STEPS = 4  # longer tasks are thinned out in proportion, so that the mean is 4.6
 
 
@@ -45,7 +46,7 @@ class _Run:
     changed: bool
 
 
-def generate_task(seed: int, index: int, robot: MemoRobot, config: SamplerConfig) -> Draft:
+def generate_task(seed: int, index: int, robot: MemoRobot, config: SamplerConfig = USUAL_PROGRAMS) -> Draft:
     """The task of this data set seed and index: five specification scenes and, last, a test scene.
 
     Programs are tried on a common handful of scenes, so that most of what they do has been simulated

@@ -1,4 +1,4 @@
-"""LGRL: masks, invariances, and that it can learn."""
+"""Every synthesizer: masks, invariances, and that it can learn."""
 
 import numpy as np
 import pytest
@@ -7,9 +7,9 @@ from torch.nn import functional as F
 
 from evaps.dsl import VOCAB
 from evaps.dsl.sampler import sample_program
-from evaps.models.base import pad
+from evaps.models import METHODS, method_class, new_method
+from evaps.models.base import Synthesizer, pad
 from evaps.models.beam import beam_search
-from evaps.models.lgrl import LGRL, LGRLConfig
 from evaps.train.methods import grammar_masks
 
 
@@ -27,13 +27,17 @@ def programs() -> list[list[int]]:
     return [VOCAB.encode(sample_program(rng).tokens) for _ in range(32)]
 
 
-@pytest.fixture
-def model() -> LGRL:
+@pytest.fixture(params=[name for name in METHODS if issubclass(method_class(name), Synthesizer)])
+def model(request: pytest.FixtureRequest) -> Synthesizer:
     torch.manual_seed(0)
-    return LGRL(LGRLConfig(dropout=0.0)).eval()
+    method = new_method(request.param, dropout=0.0).eval()
+    assert isinstance(method, Synthesizer)
+    return method
 
 
-def test_loss_is_a_mean_over_tokens_whatever_the_padding(model: LGRL, programs: list[list[int]]) -> None:
+def test_loss_is_a_mean_over_tokens_whatever_the_padding(
+    model: Synthesizer, programs: list[list[int]]
+) -> None:
     features = torch.randn(32, 5, 2, 256)
     together = model.loss(features, *batch(programs))
     each = [model.loss(features[i : i + 1], *batch([p])) * len(p) for i, p in enumerate(programs)]
@@ -41,13 +45,15 @@ def test_loss_is_a_mean_over_tokens_whatever_the_padding(model: LGRL, programs: 
     torch.testing.assert_close(together, alone, rtol=1e-4, atol=1e-5)
 
 
-def test_the_order_of_pairs_does_not_matter(model: LGRL, programs: list[list[int]]) -> None:
+def test_the_order_of_pairs_does_not_matter(model: Synthesizer, programs: list[list[int]]) -> None:
     features = torch.randn(32, 5, 2, 256)
     shuffled = features[:, torch.randperm(5)]
     torch.testing.assert_close(model.loss(features, *batch(programs)), model.loss(shuffled, *batch(programs)))
 
 
-def test_stepwise_decoding_scores_a_program_as_the_loss_does(model: LGRL, programs: list[list[int]]) -> None:
+def test_stepwise_decoding_scores_a_program_as_the_loss_does(
+    model: Synthesizer, programs: list[list[int]]
+) -> None:
     features = torch.randn(1, 5, 2, 256)
     tokens, masks = batch(programs[:1])
     state, last, total = model.start(features), None, 0.0
@@ -58,7 +64,7 @@ def test_stepwise_decoding_scores_a_program_as_the_loss_does(model: LGRL, progra
     assert total / len(programs[0]) == pytest.approx(model.loss(features, tokens, masks).item(), rel=1e-4)
 
 
-def test_beam_search_finds_all_short_programs_in_order(model: LGRL) -> None:
+def test_beam_search_finds_all_short_programs_in_order(model: Synthesizer) -> None:
     features = torch.randn(2, 5, 2, 256)
     for proposals in beam_search(model, features, beam=20, max_tokens=5):
         assert len({p.program for p in proposals}) == 7  # DEF run m( ACTION m)
@@ -67,7 +73,7 @@ def test_beam_search_finds_all_short_programs_in_order(model: LGRL) -> None:
         assert sum(np.exp(scores)) == pytest.approx(1.0, abs=1e-4)
 
 
-def test_beam_search_of_several_tasks_equals_one_by_one(model: LGRL) -> None:
+def test_beam_search_of_several_tasks_equals_one_by_one(model: Synthesizer) -> None:
     features = torch.randn(3, 5, 2, 256)
     together = beam_search(model, features, beam=6, max_tokens=16)
     for i, group in enumerate(together):
@@ -76,9 +82,8 @@ def test_beam_search_of_several_tasks_equals_one_by_one(model: LGRL) -> None:
 
 
 @pytest.mark.slow
-def test_it_can_learn_32_tasks_by_heart(programs: list[list[int]]) -> None:
-    torch.manual_seed(0)
-    model = LGRL(LGRLConfig(dropout=0.0))
+def test_it_can_learn_32_tasks_by_heart(model: Synthesizer, programs: list[list[int]]) -> None:
+    model.train()
     features = F.normalize(torch.randn(32, 5, 2, 256), dim=-1) * 4
     tokens, masks = batch(programs)
     optimizer = torch.optim.Adam(model.parameters(), lr=2e-3)

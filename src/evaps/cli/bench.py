@@ -1,0 +1,51 @@
+"""``evaps bench``: how fast things are on this machine."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+
+from evaps.cli.command import Command
+from evaps.cli.inputs import File, check_writable
+from evaps.dsl import UserError
+
+
+@dataclass(frozen=True)
+class Bench(Command):
+    """Measure the engine, execution, memoised worlds, data generation, features, synthesis and training.
+
+    Everything is measured in one run and compared in turns, since machines are noisy: ratios (x) say more
+    than rates. Nothing else should run meanwhile.
+    """
+
+    model: str = "small"
+    """A shipped set of checkpoints, or a folder of them."""
+    seconds: float = 5.0
+    """About how long each rate is measured."""
+    out: File | None = None
+    """Write the figures as JSON lines, with the machine and the commit."""
+
+    def run(self) -> None:
+        """Measure, and print a table."""
+        if not self.seconds > 0:
+            raise UserError(f"--seconds must be more than 0, not {self.seconds:g}")
+        if self.out is not None:
+            check_writable(self.out)
+        from rich.console import Console
+        from rich.table import Table
+
+        from evaps.bench import bench, machine
+        from evaps.files import write_atomically
+        from evaps.tasks.identity import code_version
+
+        console = Console(highlight=False)
+        table = Table("what", "measured", "unit", "target", title=machine())
+        table.columns[1].justify = "right"
+        rows = []
+        for figure in bench(self.model, self.seconds):
+            Console(stderr=True, highlight=False).print(f"{figure.name}: {figure.value:.4g} {figure.unit}")
+            table.add_row(figure.name, f"{figure.value:.4g}", figure.unit, figure.target)
+            rows.append({**asdict(figure), "machine": machine(), "commit": code_version()})
+        console.print(table)
+        if self.out is not None:
+            write_atomically(self.out, "".join(json.dumps(row) + "\n" for row in rows).encode())
