@@ -143,8 +143,9 @@ class SequentialEdits(nn.Module):
         super().__init__()
         self.edit = nn.Embedding(EDITS + 1, hidden)  # the last one stands for the start
         self.lstm = nn.LSTM(hidden + memory, hidden, layers, batch_first=True)
+        self.norm = nn.LayerNorm(memory)  # without it, large values saturate the LSTM
         self.dropout = nn.Dropout(dropout)
-        self.output = nn.Linear(hidden, EDITS)
+        self.output = nn.Linear(hidden + memory, EDITS)
 
     def loss(
         self,
@@ -174,10 +175,9 @@ class SequentialEdits(nn.Module):
     ) -> tuple[Float[Tensor, "batch edit choice"], tuple[Tensor, Tensor]]:
         """Logits of each edit, given the one before it and where the pointer stands."""
         at_pointer = F.one_hot(pointers, memory.shape[1]).to(memory.dtype) @ memory  # quicker than indexing
-        embedded = self.edit(last)
-        given = self.dropout(torch.cat([embedded, at_pointer.to(embedded.dtype)], -1))
-        outputs, hidden = self.lstm(given, hidden)
-        return self.output(self.dropout(outputs)), hidden
+        token = self.dropout(self.norm(at_pointer))
+        outputs, hidden = self.lstm(torch.cat([self.dropout(self.edit(last)), token], -1), hidden)
+        return self.output(torch.cat([self.dropout(outputs), token], -1)), hidden
 
     def decode(
         self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
