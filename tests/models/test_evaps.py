@@ -120,7 +120,7 @@ def test_it_can_learn_32_repairs_by_heart(edits: EditMode) -> None:
     targets = [sample_program(rng) for _ in range(32)]
     wrong = [execution(mutate(p, rng), rng) for p in targets]
     net = Evaps(EvapsConfig(feature=32, pair=64, hidden=64, dropout=0.0, edits=edits))
-    optimizer = torch.optim.Adam(net.parameters(), lr=4e-3)
+    optimizer = torch.optim.Adam(net.parameters(), lr=2e-3)
     for _ in range(STEPS):
         optimizer.zero_grad()
         net.loss(wrong, targets, table).backward()
