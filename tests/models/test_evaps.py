@@ -8,10 +8,12 @@ import pytest
 import torch
 
 from evaps.dsl import Program
+from evaps.dsl.alignment import align
 from evaps.dsl.mutation import mutate
 from evaps.dsl.sampler import sample_program
 from evaps.models.base import Execution
 from evaps.models.evaps import Batch, EditMode, Evaps, EvapsConfig
+from evaps.models.parallel_edits import SLOTS
 
 CPU = torch.device("cpu")
 EDITS = get_args(EditMode)
@@ -111,14 +113,19 @@ def test_repairs_are_new_programs(edits: EditMode, table: torch.Tensor) -> None:
         tried.add(repaired)
 
 
-@pytest.mark.slow
+def inserted(before: Program, after: Program) -> int:
+    return sum(edit.kind == "insert" for edit in align(before.tokens, after.tokens))
+
+
 @pytest.mark.parametrize("edits", EDITS)
 def test_it_can_learn_32_repairs_by_heart(edits: EditMode) -> None:
     torch.manual_seed(0)
     rng = np.random.default_rng(0)
     table = torch.randn(200, 32)
-    targets = [sample_program(rng) for _ in range(32)]
-    wrong = [execution(mutate(p, rng), rng) for p in targets]
+    pairs = [(mutate(p, rng), p) for p in (sample_program(rng) for _ in range(60))]
+    pairs = [(w, p) for w, p in pairs if inserted(w, p) <= SLOTS][:32]
+    targets = [p for _, p in pairs]
+    wrong = [execution(w, rng) for w, _ in pairs]
     net = Evaps(EvapsConfig(feature=32, pair=64, hidden=64, dropout=0.0, edits=edits))
     optimizer = torch.optim.Adam(net.parameters(), lr=2e-3)
     for _ in range(STEPS):

@@ -12,6 +12,8 @@ from evaps.models.base import Synthesizer, pad
 from evaps.models.beam import beam_search
 from evaps.train.methods import grammar_masks
 
+SYNTHESIZERS = [name for name in METHODS if issubclass(method_class(name), Synthesizer)]
+
 
 def batch(programs: list[list[int]]) -> tuple[torch.Tensor, torch.Tensor]:
     tokens = pad(programs)
@@ -27,7 +29,7 @@ def programs() -> list[list[int]]:
     return [VOCAB.encode(sample_program(rng).tokens) for _ in range(32)]
 
 
-@pytest.fixture(params=[name for name in METHODS if issubclass(method_class(name), Synthesizer)])
+@pytest.fixture(params=SYNTHESIZERS)
 def model(request: pytest.FixtureRequest) -> Synthesizer:
     torch.manual_seed(0)
     method = new_method(request.param, dropout=0.0).eval()
@@ -82,9 +84,12 @@ def test_beam_search_of_several_tasks_equals_one_by_one(model: Synthesizer) -> N
 
 
 @pytest.mark.slow
-def test_it_can_learn_32_tasks_by_heart(model: Synthesizer, programs: list[list[int]]) -> None:
-    model.train()
-    features = F.normalize(torch.randn(32, 5, 2, 256), dim=-1) * 4
+@pytest.mark.parametrize("name", SYNTHESIZERS)
+def test_it_can_learn_32_tasks_by_heart(name: str, programs: list[list[int]]) -> None:
+    torch.manual_seed(0)
+    model = new_method(name, feature=32, pair=64, hidden=128, dropout=0.0)
+    assert isinstance(model, Synthesizer)
+    features = F.normalize(torch.randn(32, 5, 2, 32), dim=-1) * 4
     tokens, masks = batch(programs)
     optimizer = torch.optim.Adam(model.parameters(), lr=2e-3)
     for _ in range(80):
