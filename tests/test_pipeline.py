@@ -38,8 +38,9 @@ def model(data: Path) -> Path:
 
 
 def test_each_training_needs_what_comes_before_it(data: Path, tmp_path: Path) -> None:
-    with pytest.raises(CheckpointError, match="no checkpoint of encoder"):
-        train("lgrl", data, tmp_path, "smoke")
+    for method in ("lgrl", "evaps"):
+        with pytest.raises(CheckpointError, match="first: evaps train encoder"):
+            train(method, data, tmp_path, "smoke")
 
 
 def test_a_checkpoint_says_how_it_was_made(model: Path) -> None:

@@ -17,10 +17,10 @@ from torch import Tensor
 
 from evaps.dsl import VOCAB, GrammarState, Program, UserError
 from evaps.dsl.sampler import MAX_TOKENS
-from evaps.models import load_encoder, load_method, new_method
+from evaps.models import PROPOSER, load_encoder, load_method, method_class, new_method
 from evaps.models.base import Repairer, Synthesizer, pad
 from evaps.models.beam import beam_search
-from evaps.models.checkpoint import hash_of, load_weights, read_config, save_checkpoint
+from evaps.models.checkpoint import CheckpointError, hash_of, load_weights, read_config, save_checkpoint
 from evaps.models.compute import autocast, device, precision
 from evaps.models.encoder import EncoderConfig, TransitionModel
 from evaps.robots.base import Scene
@@ -54,13 +54,19 @@ def train(method: str, data: Path, out: Path, scale: str = "small", seed: int = 
         the checkpoint's folder.
 
     Raises:
-        UserError: an unknown method or scale, no data set, or a missing checkpoint.
+        UserError: an unknown method or scale, no data set, or other settings than those it was begun with.
+        CheckpointError: what comes before it is missing.
     """
     if scale not in SCALES:
         raise UserError(f"there is no scale {scale!r}; known are {', '.join(SCALES)}")
     run = _Run(Dataset(data), out, SCALES[scale], scale, seed, workers)
     if method == "encoder":
         return run.train_encoder()
+    repairs = issubclass(method_class(method), Repairer)
+    for needed in ("encoder", PROPOSER) if repairs else ("encoder",):
+        if not (out / needed / "config.json").exists():
+            first = f"evaps train {needed} --data {data} --out {out}"
+            raise CheckpointError(f"{method} needs the checkpoint of {needed} in {out}; first: {first}")
     torch.manual_seed(seed)
     model = new_method(method).to(device())
     if isinstance(model, Synthesizer):
