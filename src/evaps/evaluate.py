@@ -16,18 +16,17 @@ import pyarrow.parquet as pq
 import torch
 
 from evaps.dsl import Program, UserError, run
-from evaps.models import METHODS, Model, load_model, model_folder
+from evaps.models import METHODS, PROPOSER, Model, is_repairer, load_model, model_folder
 from evaps.models.checkpoint import hash_of, read_config
 from evaps.models.compute import precision
 from evaps.robots.base import frame_match, state_match
 from evaps.robots.memo import MemoRobot
-from evaps.synthesis.features import FeatureTable
-from evaps.synthesis.repair import Meter, repair_all, run_proposals
+from evaps.synthesis.repair import synthesize_with
 from evaps.synthesis.solution import Solution
 from evaps.tasks.dataset import SPLITS, Dataset, TaskPart, task_parts, write_table
 from evaps.tasks.identity import code_version, short_hash
 from evaps.tasks.parts import make_parts
-from evaps.tasks.task import EXAMPLES, GoldTask, Task
+from evaps.tasks.task import EXAMPLES, GoldTask
 
 PART = 25  # tasks in a part
 
@@ -98,26 +97,22 @@ class EvaluationPart:
 
 
 def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> None:
-    """Synthesize, judge and write the rows of a part."""
+    """Synthesize, judge and write the rows of a part.
+
+    Each method begins with a robot that remembers nothing, so that none pays for what another one simulated;
+    a task is judged only when all of them are done with it.
+    """
     torch.set_num_threads(1)  # every worker has one core
     rows: list[dict[str, Any]] = []
     for gold in part.tasks.golds():
-        robot.forget()
-        for method, solution in _solutions(part, gold.task, robot):
+        solutions = {}
+        for method in part.facts:
+            robot.forget()
+            model = _model(part.model, method)
+            solutions[method] = synthesize_with(model, gold.task, robot, part.top_k, part.rounds)
+        for method, solution in solutions.items():
             rows += _rows(solution, gold, robot, part.facts[method])
     write_table(part.path, rows, SCHEMA)
-
-
-def _solutions(part: EvaluationPart, task: Task, robot: MemoRobot) -> list[tuple[str, Solution]]:
-    """LGRL's candidates, and the same candidates repaired; judged only when all are there."""
-    model = _model(part.model, "evaps" if "evaps" in part.facts else "lgrl")
-    meter, table = Meter(robot), FeatureTable(model.encoder)
-    chains = run_proposals(model, task, robot, table, part.top_k)
-    found = [("lgrl", meter.solution(task, chains, ["lgrl"]))]
-    if model.repairer is not None:
-        repair_all(model.repairer, chains, task, table, robot, part.rounds)
-        found.append(("evaps", meter.solution(task, chains, ["lgrl", "evaps"])))
-    return [(method, solution) for method, solution in found if method in part.facts]
 
 
 @cache
@@ -132,7 +127,7 @@ def _facts(model: str, method: str, dataset: Dataset) -> dict[str, Any]:
         CheckpointError: a checkpoint is missing.
     """
     folder = model_folder(model)
-    needed = dict.fromkeys(("encoder", "lgrl", method))
+    needed = dict.fromkeys(("encoder", PROPOSER if is_repairer(method) else method, method))
     weights = [hash_of(folder / name) for name in needed]
     made = read_config(folder / method, method)["facts"]
     return {

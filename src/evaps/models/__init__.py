@@ -47,6 +47,15 @@ def method_class(name: str) -> type[Synthesizer] | type[Repairer]:
     return found
 
 
+def is_repairer(name: str) -> bool:
+    """Whether a method mends what PROPOSER proposes, rather than proposing itself.
+
+    Raises:
+        UserError: there is no such method.
+    """
+    return issubclass(method_class(name), Repairer)
+
+
 def new_method(name: str, **config: Any) -> Synthesizer | Repairer:
     """A method with fresh weights; ``config`` are fields of its configuration that differ from the defaults.
 
@@ -108,7 +117,7 @@ def load_model(name: str | Path = "small", method: str = "evaps") -> Model:
         UserError: there is no such method.
         CheckpointError: there is no such set, or it does not fit this version.
     """
-    repairs = issubclass(method_class(method), Repairer)
+    repairs = is_repairer(method)
     folder = model_folder(name)
     synthesizer = load_method(folder / (proposer := PROPOSER if repairs else method), proposer)
     repairer = load_method(folder / method, method) if repairs else None

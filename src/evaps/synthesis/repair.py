@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import torch
 
@@ -71,43 +70,6 @@ def repair_all(
         open_chains = going_on
 
 
-@dataclass
-class Meter:
-    """Counts what a synthesis costs: seconds and simulated actions, from where it was made."""
-
-    robot: MemoRobot
-
-    def __post_init__(self) -> None:
-        self.start, self.before = time.perf_counter(), self.robot.simulated_actions
-
-    def solution(self, task: Task, chains: Sequence[list[Attempt]], names: Sequence[str]) -> Solution:
-        """What these chains of attempts come to.
-
-        Args:
-            task: what they are for.
-            chains: in the synthesizer's order.
-            names: the synthesizer's, and the repairer's if there is one.
-        """
-        candidates = [
-            Candidate(tuple(chain), rank, _origin(names, chain)) for rank, chain in enumerate(chains)
-        ]
-        actions = self.robot.simulated_actions - self.before
-        seconds = time.perf_counter() - self.start
-        return Solution(task.name, best_first(candidates), actions, seconds, tuple(candidates))
-
-
-def _origin(names: Sequence[str], chain: Sequence[Attempt]) -> str:
-    return names[0] if len(chain) == 1 else f"{names[0]} + {names[1]} x{len(chain) - 1}"
-
-
-def run_proposals(
-    model: Model, task: Task, robot: MemoRobot, table: FeatureTable, top_k: int = 20, beam: int = BEAM
-) -> list[list[Attempt]]:
-    """The synthesizer's first ``top_k`` programs, each run: chains that a repairer can go on with."""
-    proposals = propose(model, table, task, robot, max(beam, top_k))[:top_k]
-    return [[attempt(p.program, task, robot)] for p in proposals]
-
-
 def synthesize_with(
     model: Model, task: Task, robot: MemoRobot, top_k: int = 20, rounds: int = ROUNDS, beam: int = BEAM
 ) -> Solution:
@@ -115,10 +77,20 @@ def synthesize_with(
 
     The order of :attr:`Solution.candidates` is best first; :attr:`Candidate.rank` keeps the synthesizer's.
     """
-    meter, table = Meter(robot), FeatureTable(model.encoder)
-    chains = run_proposals(model, task, robot, table, top_k, beam)
-    names = [model.synthesizer.name]
+    start, simulated = time.perf_counter(), robot.simulated_actions
+    table = FeatureTable(model.encoder)
+    proposals = propose(model, table, task, robot, max(beam, top_k))[:top_k]
+    chains = [[attempt(proposal.program, task, robot)] for proposal in proposals]
     if model.repairer is not None:
         repair_all(model.repairer, chains, task, table, robot, rounds)
-        names.append(model.repairer.name)
-    return meter.solution(task, chains, names)
+    candidates = tuple(
+        Candidate(tuple(chain), rank, _origin(model, chain)) for rank, chain in enumerate(chains)
+    )
+    simulated = robot.simulated_actions - simulated
+    return Solution(task.name, best_first(candidates), simulated, time.perf_counter() - start, candidates)
+
+
+def _origin(model: Model, chain: Sequence[Attempt]) -> str:
+    if len(chain) == 1 or model.repairer is None:
+        return model.synthesizer.name
+    return f"{model.synthesizer.name} + {model.repairer.name} x{len(chain) - 1}"

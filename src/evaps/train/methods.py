@@ -17,7 +17,7 @@ from torch import Tensor
 
 from evaps.dsl import VOCAB, GrammarState, Program, UserError
 from evaps.dsl.sampler import MAX_TOKENS
-from evaps.models import PROPOSER, load_encoder, load_method, method_class, new_method
+from evaps.models import PROPOSER, is_repairer, load_encoder, load_method, new_method
 from evaps.models.base import Repairer, Synthesizer, pad
 from evaps.models.beam import beam_search
 from evaps.models.checkpoint import CheckpointError, hash_of, load_weights, read_config, save_checkpoint
@@ -62,8 +62,7 @@ def train(method: str, data: Path, out: Path, scale: str = "small", seed: int = 
     run = _Run(Dataset(data), out, SCALES[scale], scale, seed, workers)
     if method == "encoder":
         return run.train_encoder()
-    repairs = issubclass(method_class(method), Repairer)
-    for needed in ("encoder", PROPOSER) if repairs else ("encoder",):
+    for needed in ("encoder", PROPOSER) if is_repairer(method) else ("encoder",):
         if not (out / needed / "config.json").exists():
             first = f"evaps train {needed} --data {data} --out {out}"
             raise CheckpointError(f"{method} needs the checkpoint of {needed} in {out}; first: {first}")
@@ -145,7 +144,7 @@ class _Run:
         train, held = (self._mistakes(s) for s in ("train", "validation"))
         first, second = self.scale.evaps_steps
         config = FitConfig(first + second, rate=1e-3, seed=self.seed)
-        made_from = self._made_from(model, "encoder", "pair", "lgrl")
+        made_from = self._made_from(model, "encoder", "pair", PROPOSER)
         stages = [np.flatnonzero([s == stage for s in train.stages]) for stage in (1, 2)]
         lengths = [[len(train.targets[i].tokens) for i in stage] for stage in stages]
         orders = [batch_at(sizes, self.scale.evaps_batch, self.seed) for sizes in lengths]
@@ -208,9 +207,9 @@ class _Run:
         scale = self.scale
         tasks = scale.mistake_tasks if split == "train" else max(10, scale.mistake_tasks // 25)
         positions = self.dataset.split(split)[:tasks]
-        synthesizer = load_method(self.out / "lgrl", "lgrl").to(device())
+        synthesizer = load_method(self.out / PROPOSER, PROPOSER).to(device())
         assert isinstance(synthesizer, Synthesizer)
-        parents = [hash_of(self.out / name) for name in ("encoder", "lgrl")]
+        parents = [hash_of(self.out / name) for name in ("encoder", PROPOSER)]
         key = short_hash([parents, self.seed, scale.mutations, scale.failures, tasks])
         folder = self.dataset.folder / f"mistakes-{split}-{key}"
         failures: dict[int, list[str]] = {}
