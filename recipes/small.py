@@ -34,7 +34,7 @@ def make_data() -> None:
 def make_checkpoints() -> None:
     """`evaps train encoder|lgrl|evaps --data data/small --out runs/small`, and the set that is shipped.
 
-    30 minutes with the random walks, 25 with the embeddings of frames, 35 with the wrong programs that are run.
+    30 minutes with the random walks, 25 with embedding all frames, 35 with running the wrong programs.
     """
     for method in ("encoder", "lgrl", "evaps"):
         train(method, DATA, RUNS, "small", SEED)
