@@ -14,7 +14,7 @@ from evaps.models.encoder import Encoder, EncoderConfig
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
 from evaps.synthesis.features import FeatureTable
-from evaps.synthesis.repair import repair_all
+from evaps.synthesis.repair import _until_best, repair_all
 from evaps.synthesis.solution import Candidate, attempt, best_first
 from evaps.tasks.task import Example, Task
 
@@ -105,3 +105,11 @@ def test_best_first_is_by_pairs_passed_then_by_rank(task: Task, robot: MemoRobot
     assert len(ordered) == 3
     passed = [c.final.pairs_passed for c in ordered]
     assert passed == sorted(passed, reverse=True)
+
+
+def test_an_answer_goes_no_further_than_its_best_attempt(task: Task, robot: MemoRobot) -> None:
+    close, wrong, gold = (attempt(program, task, robot) for program in (CLOSE, WRONG, GOLD))
+    assert wrong.pairs_passed < close.pairs_passed < gold.pairs_passed
+    assert list(_until_best([close, wrong])) == [close]
+    assert list(_until_best([wrong, close, close, wrong])) == [wrong, close]
+    assert list(_until_best([wrong, gold])) == [wrong, gold]

@@ -82,6 +82,13 @@ def test_frames_that_were_left_out_are_rendered_to_the_same_bytes(folder: Path, 
     assert files(bare) == files(folder)
 
 
+def test_fewer_tasks_than_there_are_do_not_throw_any_away(copy: Path) -> None:
+    before = files(copy)
+    with pytest.raises(DatasetError, match=f"is for {TASKS} tasks"):
+        generate(copy, TASKS - 1, SEED, workers=0, part=PART)
+    assert files(copy) == before
+
+
 def test_where_a_program_comes_twice_one_more_is_made(folder: Path, copy: Path) -> None:
     path = copy / "parts" / "tasks-00002.parquet"
     table = pq.read_table(path)

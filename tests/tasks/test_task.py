@@ -121,7 +121,7 @@ FAULTS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "no name": (example(goal_rgb=3), r"examples\[3\].goal_rgb: expected a file name, found 3"),
     "empty name": (example(goal_rgb=""), r"examples\[3\].goal_rgb: '' must lie in the task folder"),
     "nul in name": (example(goal_rgb="a\0"), r"examples\[3\].goal_rgb: .* must lie in the task folder"),
-    "name too long": (example(goal_rgb="a" * 300), "is not an image that can be read"),
+    "name too long": (example(goal_rgb="a" * 300), "is not a PNG image that can be read"),
     "outside": (example(goal_depth="../x.png"), r"goal_depth: '../x.png' must lie in the task folder"),
     "absolute": (example(goal_depth="/etc/passwd"), r"goal_depth: '/etc/passwd' must lie in the task folder"),
     "link to outside": (
@@ -130,12 +130,15 @@ FAULTS: dict[str, tuple[Callable[[Path], Any], str]] = {
     ),
     "a folder": (
         lambda f: ((f / "goal3.png").unlink(), (f / "goal3.png").mkdir()),
-        "goal3.png is not an image that can be read",
+        "goal3.png is not a PNG image that can be read",
     ),
-    "not an image": (lambda f: (f / "goal3.png").write_text("PNG"), "goal3.png is not an image that can be"),
+    "not an image": (
+        lambda f: (f / "goal3.png").write_text("PNG"),
+        "goal3.png is not a PNG image that can be",
+    ),
     "cut off": (
         lambda f: (f / "goal3.png").write_bytes((f / "goal3.png").read_bytes()[:2000]),
-        "goal3.png is not an image that can be read",
+        "goal3.png is not a PNG image that can be read",
     ),
     "size": (picture("goal3.png", size=(120, 160)), "160x120 pixels in mode RGB, found 120x160 in mode RGB"),
     "alpha": (picture("goal3.png", "RGBA"), "must be an 8-bit colour image .* found 160x120 in mode RGBA"),

@@ -91,7 +91,14 @@ class Demo(Command):
 
 
 def solve(tasks: Sequence[Task], model: Model, top_k: int, rounds: int) -> Iterator[TaskReport]:
-    """Synthesize for each task on one robot."""
+    """Synthesize for each task on one robot.
+
+    On one thread: a second one gains a tenth, and where another program needs its core, torch's threads wait
+    for each other and a task takes ten times as long.
+    """
+    import torch
+
+    torch.set_num_threads(1)
     from evaps.dsl.sampler import PERCEPTION_KEYS
     from evaps.robots.doom import DoomRobot
     from evaps.robots.memo import MemoRobot

@@ -22,7 +22,7 @@ class Train(Command):
 
     stopped: ClassVar[str] = "stopped; the same command goes on where it last saved, a minute ago at most"
 
-    method: Positional[Annotated[str, arg(metavar="encoder|lgrl|evaps")]]
+    method: Positional[Annotated[str, arg(metavar="encoder|lgrl|transformer|evaps")]]
     """What to train."""
     data: Folder
     """Folder of the data set, from `evaps generate`."""

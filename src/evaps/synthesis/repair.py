@@ -75,7 +75,8 @@ def synthesize_with(
 ) -> Solution:
     """Propose, run, and, if the model has a repairer, repair: one candidate for each of the first ``top_k``.
 
-    The order of :attr:`Solution.candidates` is best first; :attr:`Candidate.rank` keeps the synthesizer's.
+    :attr:`Solution.candidates` are best first, each as far as its best attempt; :attr:`Candidate.rank` keeps
+    the synthesizer's order. In :attr:`Solution.all_candidates` each has all its attempts.
     """
     start, simulated = time.perf_counter(), robot.simulated_actions
     table = FeatureTable(model.encoder)
@@ -83,14 +84,20 @@ def synthesize_with(
     chains = [[attempt(proposal.program, task, robot)] for proposal in proposals]
     if model.repairer is not None:
         repair_all(model.repairer, chains, task, table, robot, rounds)
-    candidates = tuple(
-        Candidate(tuple(chain), rank, _origin(model, chain)) for rank, chain in enumerate(chains)
-    )
+    answers = best_first([_candidate(model, _until_best(chain), rank) for rank, chain in enumerate(chains)])
+    last = tuple(_candidate(model, chain, rank) for rank, chain in enumerate(chains))
     simulated = robot.simulated_actions - simulated
-    return Solution(task.name, best_first(candidates), simulated, time.perf_counter() - start, candidates)
+    return Solution(task.name, answers, simulated, time.perf_counter() - start, last)
 
 
-def _origin(model: Model, chain: Sequence[Attempt]) -> str:
-    if len(chain) == 1 or model.repairer is None:
-        return model.synthesizer.name
-    return f"{model.synthesizer.name} + {model.repairer.name} x{len(chain) - 1}"
+def _until_best(chain: Sequence[Attempt]) -> Sequence[Attempt]:
+    """Up to the first attempt that passes most pairs: what a repair made worse is not lost."""
+    best = max(range(len(chain)), key=lambda i: (chain[i].pairs_passed, -i))
+    return chain[: best + 1]
+
+
+def _candidate(model: Model, chain: Sequence[Attempt], rank: int) -> Candidate:
+    origin = model.synthesizer.name
+    if len(chain) > 1 and model.repairer is not None:
+        origin += f" + {model.repairer.name} x{len(chain) - 1}"
+    return Candidate(tuple(chain), rank, origin)

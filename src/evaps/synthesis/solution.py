@@ -67,10 +67,12 @@ class Solution:
 
     Attributes:
         task: the task's name.
-        candidates: best first: by pairs passed, then in the synthesizer's order; each program once.
+        candidates: best first: by pairs passed, then in the synthesizer's order; each program once, and each
+            only as far as the attempt that passed most pairs.
         simulated_actions: how many actions the robot executed to find it.
         seconds: how long it took.
-        all_candidates: one for each proposal, in the synthesizer's order, equal programs included.
+        all_candidates: one for each proposal, in the synthesizer's order, with all attempts: what was tried
+            last is what the paper's evaluation judges.
     """
 
     task: str

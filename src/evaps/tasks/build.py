@@ -137,6 +137,10 @@ def _write_identity(folder: Path, tasks: int, seed: int, part: int) -> None:
             there, wanted = found.get(key, usual), identity.get(key, usual)
             if there != wanted:
                 raise DatasetError(f"{folder} has {key} {there}, not {wanted}; use another folder")
+        if found.get("tasks", 0) > tasks:
+            raise DatasetError(
+                f"{folder} is for {found['tasks']} tasks; ask for as many, or use another folder"
+            )
         identity["evaps"] = found.get("evaps")  # the version that began it
     elif folder.exists() and any(folder.iterdir()):
         raise DatasetError(f"{folder} is not empty and no data set; choose another folder")
@@ -212,7 +216,7 @@ def render(folder: Path, workers: int) -> int:
     identity = read_identity(folder)
     size = identity.get("part", PART)
     _write_identity(folder, identity["tasks"], identity["seed"], size)
-    numbers = range(len(list((folder / "parts").glob("tasks-*.parquet"))))
-    parts = [Rendering(Part(folder, 0, number, size)) for number in numbers]
+    numbers = sorted(int(path.stem.rpartition("-")[2]) for path in folder.glob("parts/tasks-*.parquet"))
+    parts = [Rendering(Part(folder, 0, number, size)) for number in numbers]  # a shard's have gaps
     make_parts(render_part, parts, workers, "tasks", size)
     return len(parts) * size

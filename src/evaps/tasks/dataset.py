@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 from evaps.dsl import Program, UserError
 from evaps.files import write_atomically
 from evaps.robots.base import Scene, WorldState
+from evaps.robots.doom import ROBOT
 from evaps.tasks.files import read_json
 from evaps.tasks.frames import unpack_frame
 from evaps.tasks.task import GoldTask, Outcome
@@ -117,6 +118,8 @@ class Dataset:
         if not (self.folder / "tasks.parquet").exists():
             raise DatasetError(f"{folder} holds no complete data set; make one with: evaps generate {folder}")
         self.identity = read_identity(self.folder)
+        if self.identity.get("robot") != ROBOT:
+            raise DatasetError(f"{folder} is of the robot {self.identity.get('robot')!r}, not {ROBOT!r}")
         self.rows: list[dict[str, Any]] = pq.read_table(self.folder / "tasks.parquet").to_pylist()
 
     def __len__(self) -> int:
