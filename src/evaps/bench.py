@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from evaps.models import METHODS, Model, load_model, new_method
 from evaps.models.base import Execution, Repairer, Synthesizer, pad
 from evaps.models.compute import autocast, device
 from evaps.robots.base import Robot, Scene
-from evaps.robots.doom import REST_AFTER_RESET, TICS, DoomRobot
+from evaps.robots.doom import _BUTTONS, _NO_BUTTON, REST_AFTER_RESET, TICS, DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
 from evaps.synthesis.features import embed
@@ -108,9 +109,9 @@ def engine_figures(robot: DoomRobot) -> Iterator[Figure]:
                 _rest(game, REST_AFTER_RESET)
                 for action in actions:
                     pressed, rest = TICS[action]
-                    game.set_action(_BUTTON[action])
+                    game.set_action(_BUTTONS[action])
                     game.advance_action(pressed, False)
-                    game.set_action(_NONE)
+                    game.set_action(_NO_BUTTON)
                     _rest(game, rest)
 
     def no_frames() -> None:
@@ -126,10 +127,6 @@ def engine_figures(robot: DoomRobot) -> Iterator[Figure]:
     yield Figure("scenes set up", len(walks) / placed, "1/s")
     yield Figure("actions, with view and perceptions", sum(len(a) for _, a in walks) / (own - placed), "1/s")
     yield Figure("execution, as a ratio to the bare engine", own / raw, "x", "<= 1.15")
-
-
-_BUTTON = {action: [float(action == other) for other in TICS] + [0.0] for action in TICS}
-_NONE = [0.0] * (len(TICS) + 1)
 
 
 def _rest(game: Any, tics: int) -> None:
@@ -209,7 +206,7 @@ def synthesis_figures(robot: DoomRobot, model: Model, seconds: float) -> Iterato
         memo.forget()
         pairs = zip(draft.scenes[:EXAMPLES], draft.last[:EXAMPLES], strict=True)
         task = Task("bench", tuple(Example(scene, goal) for scene, goal in pairs))
-        times.append(_seconds(lambda task=task: synthesize_with(model, task, memo)))  # type: ignore[misc]
+        times.append(_seconds(partial(synthesize_with, model, task, memo)))
     yield Figure("synthesis with repair, median", float(np.median(times)), "s")
     yield Figure("synthesis with repair, 95th percentile", float(np.percentile(times, 95)), "s")
 

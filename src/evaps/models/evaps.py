@@ -131,15 +131,15 @@ class Evaps(Repairer):
 
     def forward(
         self, batch: Batch, table: Float[Tensor, "row feature"]
-    ) -> Float[Tensor, "batch pair time memory"]:
-        """For each pair and token what the edits are decided on: ``x_s``, and its context to both sides."""
+    ) -> Float[Tensor, "batch time memory"]:
+        """For each token what its edits are decided on: ``x_s`` in context, max-pooled over the pairs."""
         x = self.represent(batch, table)
         x = self.dropout(F.relu(self.mix(x)))
         swap = _reversal(batch.tokens > 0).to(x.dtype)[:, None]
         onwards, _ = self.onwards(x.flatten(0, 1))
         backwards, _ = self.backwards((swap @ x).flatten(0, 1))
         backwards = swap.to(backwards.dtype) @ backwards.unflatten(0, x.shape[:2])
-        return x + torch.cat([onwards.unflatten(0, x.shape[:2]), backwards], -1)
+        return (x + torch.cat([onwards.unflatten(0, x.shape[:2]), backwards], -1)).amax(1)
 
     def represent(
         self, batch: Batch, table: Float[Tensor, "row feature"]

@@ -125,7 +125,7 @@ class ParallelEdits(nn.Module):
 
     Args:
         memory: size of a token's representation.
-        dropout: on the representations, pooled over pairs.
+        dropout: on the representations.
     """
 
     def __init__(self, memory: int, dropout: float = 0.2) -> None:
@@ -135,22 +135,22 @@ class ParallelEdits(nn.Module):
         self.insert = nn.Linear(memory, SLOTS * len(VOCAB))
 
     def forward(
-        self, memory: Float[Tensor, "batch pair time memory"]
+        self, memory: Float[Tensor, "batch time memory"]
     ) -> tuple[Float[Tensor, "batch time vocab"], Float[Tensor, "batch time slot vocab"]]:
         """Logits of each token's replacement, and of what is inserted in the gap behind it."""
-        pooled = self.dropout(memory.amax(1))
-        return self.replace(pooled), self.insert(pooled).unflatten(-1, (SLOTS, -1))
+        memory = self.dropout(memory)
+        return self.replace(memory), self.insert(memory).unflatten(-1, (SLOTS, -1))
 
     def loss(
         self,
-        memory: Float[Tensor, "batch pair time memory"],
+        memory: Float[Tensor, "batch time memory"],
         before: Sequence[Program],
         after: Sequence[Program],
     ) -> Float[Tensor, ""]:
         """Cross-entropy of the edits, a mean over a program's tokens, then over programs (Eq. 3)."""
         replace, insert = self(memory)
         lengths = torch.tensor([len(program.tokens) for program in before], device=memory.device)
-        real = torch.arange(memory.shape[2], device=memory.device) < lengths[:, None]
+        real = torch.arange(memory.shape[1], device=memory.device) < lengths[:, None]
         share = (real / lengths[:, None])[real] / len(before)
         wanted = [edit_targets(b, a) for b, a in zip(before, after, strict=True)]
         tokens = torch.tensor([t for row, _ in wanted for t in row], device=memory.device)
@@ -160,7 +160,7 @@ class ParallelEdits(nn.Module):
         return ((replaced + inserted) * share).sum()
 
     def decode(
-        self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
+        self, memory: Float[Tensor, "batch time memory"], before: Sequence[Program], beam: int
     ) -> list[list[Program]]:
         """For each program what it may become, most probable first; everything parses."""
         replace, insert = (logits.float().log_softmax(-1).cpu().numpy() for logits in self(memory))

@@ -130,7 +130,7 @@ class Lesson:
 
 
 class SequentialEdits(nn.Module):
-    """An LSTM over the edits, which sees the token at the pointer, max-pooled over the pairs.
+    """An LSTM over the edits, which sees the token at the pointer.
 
     Args:
         memory: size of a token's representation.
@@ -149,7 +149,7 @@ class SequentialEdits(nn.Module):
 
     def loss(
         self,
-        memory: Float[Tensor, "batch pair time memory"],
+        memory: Float[Tensor, "batch time memory"],
         before: Sequence[Program],
         after: Sequence[Program],
     ) -> Float[Tensor, ""]:
@@ -161,7 +161,7 @@ class SequentialEdits(nn.Module):
         for mask, lesson in zip(masks, lessons, strict=True):
             mask[: len(lesson.choices)] = lesson.masks
         last = F.pad(choices[:, :-1].clamp(min=0), (1, 0), value=EDITS)
-        logits, _ = self(memory.amax(1), last, pointers, None)
+        logits, _ = self(memory, last, pointers, None)
         logits = logits.float().masked_fill(~torch.from_numpy(masks).to(memory.device), -torch.inf)
         losses = F.cross_entropy(logits.transpose(1, 2), choices, ignore_index=-1, reduction="none")
         return (losses.sum(1) / (choices >= 0).sum(1)).mean()
@@ -180,10 +180,9 @@ class SequentialEdits(nn.Module):
         return self.output(torch.cat([self.dropout(outputs), token], -1)), hidden
 
     def decode(
-        self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
+        self, memory: Float[Tensor, "batch time memory"], before: Sequence[Program], beam: int
     ) -> list[list[Program]]:
         """For each program what it may become, most probable first; everything parses."""
-        pooled = memory.amax(1)
         hidden: tuple[Tensor, Tensor] | None = None
         owner = torch.arange(len(memory), device=memory.device)
         last = torch.full_like(owner, EDITS)
@@ -195,7 +194,7 @@ class SequentialEdits(nn.Module):
                 owner = owner[rows]
                 hidden = (hidden[0][:, rows], hidden[1][:, rows])
             pointers = torch.tensor([p.pointer for p in partials], device=memory.device)
-            logits, hidden = self(pooled[owner], last[:, None], pointers[:, None], hidden)
+            logits, hidden = self(memory[owner], last[:, None], pointers[:, None], hidden)
             return logits[:, 0]
 
         found = search([Edited.start(program) for program in before], step, beam, _LONGEST)
