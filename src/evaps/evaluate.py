@@ -6,7 +6,7 @@ import os
 import platform
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,16 +16,19 @@ import pyarrow.parquet as pq
 import torch
 
 from evaps.dsl import Program, UserError, run
+from evaps.files import write_atomically
 from evaps.models import METHODS, PROPOSER, Model, is_repairer, load_model, model_folder
 from evaps.models.checkpoint import hash_of, read_config
 from evaps.models.compute import precision
-from evaps.robots.base import frame_match, state_match
+from evaps.robots.base import state_match
+from evaps.robots.frames import frame_match
 from evaps.robots.memo import MemoRobot
+from evaps.robots.workers import Workers
 from evaps.synthesis.repair import synthesize_with
 from evaps.synthesis.solution import Solution
-from evaps.tasks.dataset import SPLITS, Dataset, TaskPart, task_parts, write_table
+from evaps.tasks.dataset import SPLITS, Dataset, TaskPart, rows_bytes, table_bytes, task_parts
 from evaps.tasks.identity import code_version, short_hash
-from evaps.tasks.parts import make_parts
+from evaps.tasks.parts import Files, make_parts
 from evaps.tasks.task import EXAMPLES, GoldTask
 
 PART = 25  # tasks in a part
@@ -96,8 +99,8 @@ class EvaluationPart:
         return self.tasks.path
 
 
-def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> None:
-    """Synthesize, judge and write the rows of a part.
+def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> Files:
+    """Synthesize and judge; the rows of a part.
 
     Each method begins with a robot that remembers nothing, so that none pays for what another one simulated;
     a task is judged only when all of them are done with it.
@@ -112,7 +115,7 @@ def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> None:
             solutions[method] = synthesize_with(model, gold.task, robot, part.top_k, part.rounds)
         for method, solution in solutions.items():
             rows += _rows(solution, gold, robot, part.facts[method])
-    write_table(part.path, rows, SCHEMA)
+    return {part.path: rows_bytes(rows, SCHEMA)}
 
 
 @cache
@@ -169,7 +172,7 @@ def evaluate(
     tasks: int = 1000,
     top_k: int = 20,
     rounds: int = 5,
-    workers: int = 2,
+    workers: Workers = Workers(2),
 ) -> Path:
     """Judge methods on the first tasks of a split, or go on where it was interrupted.
 
@@ -182,7 +185,7 @@ def evaluate(
         tasks: how many.
         top_k: candidates of a task.
         rounds: of repair.
-        workers: processes.
+        workers: who does it.
 
     Raises:
         UserError: unknown method or split.
@@ -203,8 +206,12 @@ def evaluate(
         EvaluationPart(part, model, facts, top_k, rounds)
         for part in task_parts(folder, dataset, positions, PART)
     ]
-    paths = make_parts(evaluate_part, parts, workers, "tasks judged", PART)
-    table = pa.concat_tables([pq.read_table(path) for path in paths])
-    write_table(out, table.to_pylist(), SCHEMA)
+
+    def load(part: EvaluationPart) -> EvaluationPart:
+        return replace(part, tasks=part.tasks.loaded(dataset))
+
+    paths = make_parts(evaluate_part, parts, workers, "tasks judged", PART, load)
+    table = pa.concat_tables([pq.read_table(path) for path in paths]).combine_chunks()
+    write_atomically(out, table_bytes(table))
     shutil.rmtree(folder)
     return out

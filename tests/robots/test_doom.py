@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from evaps.dsl.sampler import PERCEPTION_KEYS
-from evaps.robots.base import EngineError, Pose, Scene, SceneError, Thing, WorldState, frame_match
+from evaps.robots.base import EngineError, Pose, Scene, SceneError, Thing, WorldState
+from evaps.robots.frames import frame_match
 from evaps.robots.doom import TICS, DoomRobot, check_wad
 from evaps.robots.scenes import random_scene, validate
 from evaps.robots.wad import KINDS, RADII, arena_wad

@@ -5,15 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaps.robots.base import (
-    PaletteFrame,
-    Pose,
-    RgbFrame,
-    ThingState,
-    WorldState,
-    frame_match,
-    state_match,
-)
+from evaps.robots.base import Pose, ThingState, WorldState, state_match
+from evaps.robots.frames import PaletteFrame, RgbFrame, frame_match
 
 DEMON = ThingState("Demon", True, -100.0, 300.0)
 CLIP = ThingState("Clip", True, 0.0, 200.0)

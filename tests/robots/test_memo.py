@@ -9,7 +9,8 @@ import pytest
 
 from evaps.dsl import Program, Trace, run
 from evaps.dsl.sampler import PERCEPTION_KEYS, sample_program
-from evaps.robots.base import EngineError, Observation, Pose, Scene, Thing, frame_match
+from evaps.robots.base import EngineError, Pose, Scene, Thing
+from evaps.robots.frames import Observation, frame_match
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from evaps.robots.base import PaletteFrame, Pose, RgbFrame, Scene, Thing, frame_match
+from evaps.robots.base import Pose, Scene, Thing
+from evaps.robots.frames import PaletteFrame, RgbFrame, frame_match
 from evaps.robots.doom import doom_palette
 from evaps.robots.memo import MemoRobot
 from evaps.tasks.frames import pack_frame, rgbd, unpack_frame

@@ -11,7 +11,7 @@ import pytest
 
 from evaps.dsl import covered, run
 from evaps.dsl.sampler import SamplerConfig
-from evaps.robots.base import Observation, frame_match
+from evaps.robots.frames import Observation, frame_match
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import validate
 from evaps.tasks.generate import Draft, choose_scenes, generate_task

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from evaps.robots.base import Pose, RgbFrame, Scene, Thing, frame_match
+from evaps.robots.base import Pose, Scene, Thing
+from evaps.robots.frames import RgbFrame, frame_match
 from evaps.tasks.task import Example, Task, TaskError, load_task, save_task
 
 

@@ -12,7 +12,8 @@ from evaps.cli.inputs import File, ProgramFile, read_program, read_scene
 
 if TYPE_CHECKING:
     from evaps.dsl import Trace
-    from evaps.robots.base import Image, Observation, WorldState
+    from evaps.robots.base import WorldState
+    from evaps.robots.frames import Image, Observation
 
 
 @dataclass(frozen=True)

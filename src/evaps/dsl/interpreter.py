@@ -220,7 +220,7 @@ def _action(name: str, segment: int) -> _Step:
 
 
 def _test(condition: Condition, segment: int) -> _Test:
-    key, negated = _unwrapped(condition)
+    key, negated = unwrapped(condition)
 
     def test(state: _Run[Any]) -> bool:
         value = bool(state.robot.perceive(key)) is not negated
@@ -230,7 +230,7 @@ def _test(condition: Condition, segment: int) -> _Test:
     return test
 
 
-def _unwrapped(condition: Condition) -> tuple[str, bool]:
+def unwrapped(condition: Condition) -> tuple[str, bool]:
     """The perception inside any number of ``not``, and whether that number is odd."""
     negated = False
     while isinstance(condition, Not):

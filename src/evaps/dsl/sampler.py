@@ -38,7 +38,7 @@ class SamplerConfig:
 
     max_tokens: int = MAX_TOKENS
     """Longer programs are drawn again."""
-    conditionals: tuple[float, ...] = (0.25, 0.55, 0.2)
+    conditionals: tuple[float, ...] = (0.15, 0.6, 0.25)
     """How likely a program has 0, 1, 2 ... conditions (IF, IFELSE or WHILE)."""
     repeat: float = 0.07
     """How likely a statement without a condition is a REPEAT."""

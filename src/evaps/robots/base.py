@@ -1,20 +1,15 @@
-"""What a robot is, what it sees, where it stands, and when two outcomes are the same."""
+"""What a robot is, where it is put, where it stands, and when two outcomes are the same."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Protocol
-
-import numpy as np
-import numpy.typing as npt
+from typing import Any
 
 from evaps.dsl import UserError
-
-Image = npt.NDArray[np.uint8]
+from evaps.robots.frames import Observation
 
 POSITION_TOLERANCE = 2.0  # map units
 HEADING_TOLERANCE = 0.5  # degrees
@@ -98,40 +93,6 @@ def _thing(value: Any, where: str) -> Thing:
     return Thing(value["kind"], _number(value, "x", where), _number(value, "y", where))
 
 
-class Observation(Protocol):
-    """What the robot sees at one moment: O = <RGB, depth>."""
-
-    @property
-    def rgb(self) -> Image:
-        """Colours, uint8 ``[height, width, 3]``."""
-
-    @property
-    def depth(self) -> Image:
-        """Depth, uint8 ``[height, width]``; larger is further away."""
-
-
-@dataclass(frozen=True, eq=False)
-class RgbFrame:
-    """An observation held as it is shown: colours and depth."""
-
-    rgb: Image
-    depth: Image
-
-
-@dataclass(frozen=True, eq=False)
-class PaletteFrame:
-    """An observation held as indices into a palette of 256 colours, a third of the size."""
-
-    indices: Image
-    depth: Image
-    palette: Image  # [256, 3]
-
-    @cached_property
-    def rgb(self) -> Image:
-        """Colours, looked up when they are first asked for."""
-        return self.palette[self.indices]
-
-
 @dataclass(frozen=True)
 class ThingState:
     """A thing as it is now."""
@@ -199,13 +160,16 @@ class Robot(ABC):
     def state(self) -> WorldState:
         """The hidden state, for evaluation alone."""
 
+    def fingerprint(self) -> Hashable | None:
+        """Equal in two worlds that one scene led to, if from there on nothing can tell them apart.
+
+        A memory then simulates what comes after only once, such as after a step ahead and one to the left,
+        in either order. None, the default, says that the robot does not know.
+        """
+        return None
+
     def close(self) -> None:  # noqa: B027 (most robots hold nothing that must be given back)
         """Give back what the robot holds."""
-
-
-def frame_match(a: Observation, b: Observation) -> bool:
-    """The strict match: RGB and depth are equal byte for byte."""
-    return np.array_equal(a.depth, b.depth) and np.array_equal(a.rgb, b.rgb)
 
 
 def state_match(a: WorldState, b: WorldState) -> bool:

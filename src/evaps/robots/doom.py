@@ -2,38 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-import signal
-import subprocess
-import sys
-import tempfile
-import weakref
-from collections.abc import Iterator
-from contextlib import chdir, contextmanager, suppress
-from functools import cache
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Hashable
+from typing import Any, TypeVar
 
-import numpy as np
-
-from evaps.robots.base import (
-    EngineError,
-    Image,
-    Observation,
-    PaletteFrame,
-    Pose,
-    Robot,
-    Scene,
-    ThingState,
-    WorldState,
-)
+from evaps.robots.base import EngineError, Pose, Robot, Scene, ThingState, WorldState
+from evaps.robots.engine import BUTTONS, HEIGHT, MEMORY_LIMIT, TIME_LIMIT, WIDTH, Engine, doom_palette
+from evaps.robots.frames import Observation, PaletteFrame
 from evaps.robots.scenes import validate
-from evaps.robots.wad import PREFIX, RADII, arena_wad, unpack
+from evaps.robots.wad import PREFIX, RADII
 
 ROBOT = "doom-v0"
 """Names the robot and its version, which rises when equal programs may come to show other frames."""
-WIDTH, HEIGHT = 160, 120
 CENTRE_X, CENTRE_Y = WIDTH // 2, HEIGHT // 2
 
 # Each action presses one button for some tics and then waits until the world is at rest: with fewer
@@ -49,9 +28,15 @@ TICS = {
 }
 TICS_BEFORE_TURN = 14  # in the first tics of an episode the engine takes no turn
 REST_AFTER_RESET = 40  # straight after a warp the view height is still wrong
-_BUTTONS = {action: [float(action == other) for other in TICS] + [0.0] for action in TICS}
-_NO_BUTTON = [0.0] * (len(TICS) + 1)
-_NO_SCENE = "the robot has no scene yet: call reset(scene) first"
+LAST_TICS = 2  # of a rest: they wait until it is known whether anybody looks
+BULLETS = 50  # at the start
+PRESSED = {action: [float(action == other) for other in BUTTONS] + [0.0] for action in TICS}
+RELEASED = [0.0] * (len(BUTTONS) + 1)
+TRIES = 3  # engines, before a call gives up
+CHECK_MEMORY_EVERY = 200  # scenes
+_AMMO = 4  # its place among the engine's variables
+
+Result = TypeVar("Result")
 
 
 class DoomRobot(Robot):
@@ -76,40 +61,55 @@ class DoomRobot(Robot):
     ## Units
     Places in map units, headings in degrees counter-clockwise from east.
 
-    The engine is a process of its own; it starts with the first reset and ends with :meth:`close`.
+    ## The engine
+    A process of its own; it starts with the first reset and ends with :meth:`close`. One that dies, hangs or
+    grows without end is replaced, and the new one is brought to where the old one stood: nobody outside
+    notices, except by the time it takes.
+
+    Args:
+        time_limit: seconds after which an engine that does not answer is replaced.
     """
 
-    def __init__(self) -> None:
-        self._game: Any = None
-        self._end: Any = None
-        self._state: Any = None
+    def __init__(self, time_limit: float = TIME_LIMIT) -> None:
+        self._time_limit = time_limit
+        self._engine: Engine | None = None
+        self._scene: Scene | None = None
+        self._path: list[str] = []  # the actions since the scene was set up
+        self._done: int | None = None  # how many of them the engine has executed; None: no scene is set up
+        self._waiting = 0  # tics of rest that it has not executed yet
+        self._shown, self._fired = BULLETS, False  # the number in the view, and whether it has changed since
+        self._resets = 0
+        self._seen: Any = None
         self._view: PaletteFrame | None = None
-        self._core: int | None = None
 
     def reset(self, scene: Scene) -> None:
         """Put the world back to the start of ``scene``.
 
         Raises:
             SceneError: the scene is not valid.
-            EngineError: the engine cannot be started, or has died.
+            EngineError: no engine can be started, or each has died.
         """
         validate(scene)
-        if self._game is None:
-            self._start()
-        with self._engine() as game:
-            game.set_seed(0)
-            game.new_episode()
-            self._place(scene)
-            self._rest(REST_AFTER_RESET)
+        self._scene, self._path, self._done = scene, [], None
+        self._look_away()
+        self._resets += 1
+        if self._resets % CHECK_MEMORY_EVERY == 0 and self._engine and self._engine.memory > MEMORY_LIMIT:
+            self._end_engine()
+        self._on_engine(self._catch_up)
 
     def act(self, action: str) -> None:
-        """Press the button of ``action``, release it, and wait until the world is at rest."""
-        pressed, rest = TICS[action]
-        with self._engine() as game:
-            game.set_action(_BUTTONS[action])
-            game.advance_action(pressed, False)
-            game.set_action(_NO_BUTTON)
-            self._rest(rest)
+        """Press the button of ``action``, release it, and let the world come to rest.
+
+        Raises:
+            KeyError: there is no such action; nothing has happened.
+            EngineError: there was no reset, or one engine after the other has died.
+        """
+        if action not in TICS:
+            raise KeyError(action)
+        self._check_scene()
+        self._path.append(action)
+        self._look_away()
+        self._on_engine(self._catch_up)
 
     def perceive(self, perception: str) -> bool:
         """``ISTHERE m`` or ``INTARGET m`` in the current view.
@@ -120,22 +120,22 @@ class DoomRobot(Robot):
         name, _, kind = perception.partition(" ")
         if name not in ("ISTHERE", "INTARGET") or kind not in RADII:
             raise ValueError(f"the Doom robot has no perception {perception!r}")
-        boxes = [box for box in self._seen().labels if box.object_name == PREFIX + kind]
+        boxes = [box for box in self._look().labels if box.object_name == PREFIX + kind]
         return bool(boxes) if name == "ISTHERE" else any(map(_on_centre, boxes))
 
     def observe(self) -> Observation:
         """The current view."""
         if self._view is None:
-            seen = self._seen()
+            seen = self._look()
             self._view = PaletteFrame(seen.screen_buffer, seen.depth_buffer, doom_palette())
         return self._view
 
     def state(self) -> WorldState:
         """The hidden state, for evaluation alone."""
-        x, y, heading, health, ammo = self._seen().game_variables
+        x, y, heading, health, ammo, *_ = self._look().game_variables
         things = [
             ThingState(name.removeprefix(PREFIX), not dead, round(o.position_x, 2), round(o.position_y, 2))
-            for o in self._seen().objects
+            for o in self._look().objects
             for dead, name in [(o.name.startswith("Dead"), o.name.removeprefix("Dead"))]
             if name.removeprefix(PREFIX) in RADII
         ]
@@ -143,192 +143,123 @@ class DoomRobot(Robot):
         pose = Pose(round(float(x), 2), round(float(y), 2), round(float(heading), 2))
         return WorldState(pose, int(ammo), int(health), tuple(things))
 
+    def fingerprint(self) -> Hashable:
+        """All numbers of robot and things as the engine has them, and nothing rounded.
+
+        The engine's random numbers are not among them: here they decide about nothing that can be seen at
+        rest. ``tests/robots/test_doom.py`` goes on from pairs of equal worlds and compares.
+        """
+        seen = self._look()
+        things = sorted((o.name, o.position_x, o.position_y, o.position_z, o.angle) for o in seen.objects)
+        return tuple(seen.game_variables), tuple(things)
+
     def close(self) -> None:
         """End the engine's process."""
-        if self._end is not None:
-            self._end()
-        self._game = self._end = self._state = self._view = None
+        self._end_engine()
+        self._scene = None
+        self._look_away()
 
-    def _place(self, scene: Scene) -> None:
+    def _end_engine(self) -> None:
+        if self._engine is not None:
+            self._engine.close()
+        self._engine = self._done = None
+
+    def _check_scene(self) -> None:
+        if self._scene is None:
+            raise EngineError("the robot has no scene yet: call reset(scene) first")
+
+    def _look_away(self) -> None:
+        self._seen = self._view = None
+
+    def _on_engine(self, work: Callable[[Any], Result]) -> Result:
+        """Work on an engine; where it dies, a new one takes its place."""
+        for tries_left in reversed(range(TRIES)):
+            try:
+                self._engine = self._engine or Engine(self._time_limit)
+                with self._engine.turn() as game:
+                    return work(game)
+            except EngineError:
+                self._end_engine()
+                if not tries_left:
+                    raise
+            except BaseException:  # Ctrl-C in the middle of an action: nobody knows where the engine stands
+                self._done = None
+                raise
+        raise AssertionError("unreachable")
+
+    def _catch_up(self, game: Any) -> None:
+        """Bring the engine to where the robot stands, from wherever it is."""
+        assert self._scene is not None
+        if self._done is None:
+            self._set_up(game, self._scene)
+            self._done = 0
+        for action in self._path[self._done :]:
+            self._press(game, action)
+            self._done += 1
+
+    def _set_up(self, game: Any, scene: Scene) -> None:
+        game.set_seed(0)
+        game.set_action(RELEASED)
+        game.new_episode()
         # `summon` puts a thing in front of the robot at 2 radii + 16, and `warp` kills what it lands on: so
         # from the largest x to the smallest, each time standing to the west of everything placed before.
         for thing in sorted(scene.things, key=lambda t: -t.x):
-            self._game.send_game_command(f"warp {thing.x - 2 * RADII[thing.kind] - 16} {thing.y}")
-            name = PREFIX + thing.kind if thing.kind != "Clip" else thing.kind
-            self._game.send_game_command(f"summon {name}")
-            self._game.advance_action(1, False)
-        self._game.send_game_command(f"warp {scene.robot.x} {scene.robot.y}")
-        self._game.advance_action(max(1, TICS_BEFORE_TURN - len(scene.things)), False)
-        self._game.set_action([*_NO_BUTTON[:-1], -float(scene.robot.heading)])
-        self._game.advance_action(1, False)
-        self._game.set_action(_NO_BUTTON)
+            game.send_game_command(f"warp {thing.x - 2 * RADII[thing.kind] - 16} {thing.y}")
+            game.send_game_command(f"summon {PREFIX + thing.kind if thing.kind != 'Clip' else thing.kind}")
+            game.advance_action(1, False)
+        game.send_game_command(f"warp {scene.robot.x} {scene.robot.y}")
+        game.advance_action(max(1, TICS_BEFORE_TURN - len(scene.things)), False)
+        game.set_action([*RELEASED[:-1], -float(scene.robot.heading)])
+        game.advance_action(1, False)
+        self._rest(game, REST_AFTER_RESET)
+        self._shown, self._fired = BULLETS, False  # a new episode has a frame of its own, with its number
 
-    def _rest(self, tics: int) -> None:
-        """Let the world come to rest, and look at it.
+    def _press(self, game: Any, action: str) -> None:
+        pressed, rest = TICS[action]
+        if self._waiting:
+            game.advance_action(self._waiting, False)
+        game.set_action(PRESSED[action])
+        game.advance_action(pressed, False)
+        self._rest(game, rest)
+        self._fired = self._fired or action == "ATTACK"
 
-        Two tics are rendered, since the numbers that a frame shows are those of the frame before: with one,
-        the ammunition would still be that of the action before, or of another scene.
+    def _rest(self, game: Any, tics: int) -> None:
+        """Let the world come to rest, but for the last tics: only if somebody looks are they rendered."""
+        game.set_action(RELEASED)
+        game.advance_action(tics - LAST_TICS, False)
+        self._waiting = LAST_TICS
+
+    def _look(self) -> Any:
+        """The engine's state with the current view, rendered when it is first asked for."""
+        if self._seen is None:
+            self._check_scene()
+            seen = self._on_engine(self._render)
+            if seen is None:  # it shows an old number: once more from the start
+                self._done = None
+                seen = self._on_engine(self._render)
+            self._seen = seen
+        return self._seen
+
+    def _render(self, game: Any) -> Any:
+        """Render the last tic; None if the view shows an old number.
+
+        The number of bullets in a view is that of the view before it. So where it has changed the last two
+        tics are rendered. After a shot that is known; a clip that was picked up is only seen in the end.
         """
-        self._game.advance_action(tics - 1, True)
-        self._game.advance_action(1, True)
-        self._state, self._view = self._game.get_state(), None
-
-    def _seen(self) -> Any:
-        if self._state is None:
-            raise EngineError(_NO_SCENE)
-        return self._state
-
-    @contextmanager
-    def _engine(self) -> Iterator[Any]:
-        """The engine, while this thread runs on the engine's own core.
-
-        The two processes take turns, tic by tic: on one core a tic costs 14 us, across cores 57 us.
-        """
-        if self._game is None:
-            raise EngineError(_NO_SCENE)
-        before = _move_to(self._core)
-        try:
-            yield self._game
-        except Exception as error:
-            self.close()
-            raise EngineError(f"the ViZDoom engine has died ({_one_line(error)}); reset the robot") from error
-        finally:
-            if before is not None:
-                os.sched_setaffinity(0, before)
-
-    def _start(self) -> None:
-        files = tempfile.TemporaryDirectory(prefix="evaps-")
-        wad = Path(files.name) / "arena.wad"
-        wad.write_bytes(arena_wad())
-        check_wad(wad)
-        cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
-        self._core = cores[os.getpid() % len(cores)] if len(cores) > 1 else None
-        before = _move_to(self._core)  # the engine's process inherits it
-        try:
-            self._game = start_engine(wad)
-            self._end = weakref.finalize(self, _end, self._game, files)
-        finally:
-            if before is not None:
-                os.sched_setaffinity(0, before)
-
-
-def _end(game: Any, files: tempfile.TemporaryDirectory[str]) -> None:
-    game.close()
-    files.cleanup()
-
-
-def _move_to(core: int | None) -> set[int] | None:
-    """Bind this thread to ``core``; what it was bound to before, to be restored."""
-    if core is None:
-        return None
-    before = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {core})
-    return before
+        replayed = self._done is None
+        self._catch_up(game)
+        twice = self._fired or replayed
+        if self._waiting:
+            if twice:
+                game.advance_action(1, True)
+            game.advance_action(1 if twice else LAST_TICS, True)
+            self._waiting = 0
+        seen = game.get_state()
+        if seen.game_variables[_AMMO] != self._shown and not twice:
+            return None
+        self._shown, self._fired = seen.game_variables[_AMMO], False
+        return seen
 
 
 def _on_centre(box: Any) -> bool:
     return bool(box.x < CENTRE_X < box.x + box.width and box.y < CENTRE_Y < box.y + box.height)
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())[:200]
-
-
-def start_engine(wad: Path) -> Any:
-    """A running ``vizdoom.DoomGame`` with the map in ``wad``, configured as the robot needs it.
-
-    Raises:
-        EngineError: why it cannot be started, in one line.
-    """
-    vizdoom = _vizdoom()
-    game = vizdoom.DoomGame()
-    _configure(game, vizdoom, wad)
-    try:
-        with interrupts_blocked(), chdir(wad.parent):  # the engine makes a folder where it is started
-            game.init()
-    except Exception as error:
-        raise EngineError(f"the ViZDoom engine cannot start: {_one_line(error)}") from error
-    return game
-
-
-def _vizdoom() -> Any:
-    try:
-        import vizdoom
-    except ImportError as error:
-        message = f"vizdoom cannot be loaded: {_one_line(error)}; try: pip install vizdoom"
-        raise EngineError(message) from error
-    return vizdoom
-
-
-@contextmanager
-def interrupts_blocked() -> Iterator[None]:
-    """Processes that start in here never see Ctrl-C: it is this one's to handle, when it comes out."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _configure(game: Any, vizdoom: Any, wad: Path) -> None:
-    game.set_doom_scenario_path(str(wad))
-    game.set_doom_config_path(str(wad.with_suffix(".ini")))  # else it writes one into the current folder
-    game.set_doom_map("map01")
-    game.set_doom_skill(3)
-    game.set_episode_timeout(0)
-    game.set_mode(vizdoom.Mode.PLAYER)
-    game.add_game_args("+sv_cheats 1")
-    buttons = [getattr(vizdoom.Button, action) for action in TICS]
-    game.set_available_buttons([*buttons, vizdoom.Button.TURN_LEFT_RIGHT_DELTA])
-    names = ("POSITION_X", "POSITION_Y", "ANGLE", "HEALTH", "AMMO2")
-    game.set_available_game_variables([getattr(vizdoom.GameVariable, name) for name in names])
-    game.set_screen_resolution(vizdoom.ScreenResolution.RES_160X120)
-    game.set_screen_format(vizdoom.ScreenFormat.DOOM_256_COLORS8)
-    game.set_depth_buffer_enabled(True)
-    game.set_labels_buffer_enabled(True)
-    game.set_objects_info_enabled(True)
-    game.set_window_visible(False)
-    game.set_sound_enabled(False)
-    for shown in ("hud", "minimal_hud", "weapon", "corpses"):
-        getattr(game, f"set_render_{shown}")(True)
-    for hidden in ("crosshair", "decals", "particles", "messages"):
-        getattr(game, f"set_render_{hidden}")(False)
-
-
-@cache
-def doom_palette() -> Image:
-    """The engine's 256 colours, uint8 ``[256, 3]``: the first palette of the freedoom2.wad in vizdoom."""
-    wad = Path(_vizdoom().__file__).with_name("freedoom2.wad").read_bytes()
-    palette = np.frombuffer(unpack(wad, "PLAYPAL")[:768], np.uint8).reshape(256, 3)
-    palette.flags.writeable = False
-    return palette
-
-
-def check_wad(wad: Path) -> None:
-    """Start the engine once with ``wad`` in a child process, since a fault in its text kills the process.
-
-    What has passed is remembered by its hash in the user's cache folder, so this costs time only once.
-
-    Raises:
-        EngineError: why the engine cannot start with it, in one line.
-    """
-    key = hashlib.sha256(wad.read_bytes() + _vizdoom().__version__.encode()).hexdigest()[:16]
-    cache_folder = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "evaps"
-    passed = cache_folder / f"wad-{key}"
-    if os.path.exists(passed):  # False, too, where the folder may not be read
-        return
-    code = "import sys, pathlib, evaps.robots.doom as doom; doom.start_engine(pathlib.Path(sys.argv[1]))"
-    command = [sys.executable, "-c", code, str(wad)]
-    try:
-        child = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    except subprocess.TimeoutExpired:
-        raise EngineError("the ViZDoom engine does not start within two minutes") from None
-    if child.returncode:
-        lines = (child.stderr or child.stdout).strip().splitlines() or ["no message"]
-        reason = lines[-1].removeprefix(f"{EngineError.__module__}.EngineError: ")
-        if child.returncode < 0:
-            reason = f"signal {-child.returncode}"
-        raise EngineError(f"the ViZDoom engine cannot start with this world: {reason}")
-    with suppress(OSError):  # where nothing can be written, it is checked again next time
-        cache_folder.mkdir(parents=True, exist_ok=True)
-        passed.touch()

@@ -10,8 +10,10 @@ import numpy as np
 from gymnasium import spaces
 
 from evaps.dsl.sampler import PERCEPTION_KEYS
-from evaps.robots.base import Image, Scene, SceneError
-from evaps.robots.doom import HEIGHT, TICS, WIDTH, DoomRobot
+from evaps.robots.base import Scene, SceneError
+from evaps.robots.frames import Image
+from evaps.robots.doom import TICS, DoomRobot
+from evaps.robots.engine import HEIGHT, WIDTH
 from evaps.robots.scenes import random_scene
 
 ACTIONS = tuple(TICS)

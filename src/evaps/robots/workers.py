@@ -1,4 +1,4 @@
-"""Work for robots in several processes, each with an engine of its own on a core of its own."""
+"""Work for robots in several processes, each with engines of its own on a core of its own."""
 
 from __future__ import annotations
 
@@ -6,58 +6,159 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from multiprocessing import connection
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from evaps.robots.base import EngineError, Scene
-from evaps.robots.doom import DoomRobot, interrupts_blocked
+from evaps.robots.doom import DoomRobot
+from evaps.robots.engine import interrupts_blocked, settle
 from evaps.robots.memo import MemoRobot
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
+_END = object()
+TRIES = 3  # how often a worker may die in turn without anything being done
+BACKENDS = ("local", "ray")
+"""Where workers run: processes on this machine, or a Ray cluster."""
+
+
+@dataclass(frozen=True)
+class Workers:
+    """How many workers there are, where, and what robot each of them has.
+
+    Attributes:
+        count: how many; 0 does the work in this process.
+        backend: a name in BACKENDS.
+        address: of a Ray cluster; None takes RAY_ADDRESS, or starts one on this machine.
+    """
+
+    count: int
+    backend: str = "local"
+    address: str | None = None
+
+
+@dataclass(frozen=True)
+class RobotConfig:
+    """What robot a worker has.
+
+    Attributes:
+        perceptions: what programs may ask it.
+        eager: whether it looks at every place that it comes to; see `MemoRobot`.
+        spares: engines beside the first one; see `MemoRobot`.
+    """
+
+    perceptions: tuple[str, ...]
+    eager: bool = True
+    spares: int = 0
+
 
 def robot_map(
     function: Callable[[MemoRobot, Item], Result],
     items: Iterable[Item],
-    workers: int,
-    perceptions: tuple[str, ...],
+    workers: Workers,
+    config: RobotConfig,
 ) -> Iterator[tuple[Item, Result]]:
-    """Call ``function(robot, item)`` for every item, on ``workers`` processes; results come as they are done.
+    """Call ``function(robot, item)`` for every item; results come as they are done.
 
     A function must depend on nothing but its item, so that neither the order nor the number of workers
-    matters. An engine that dies is replaced and its item done once more.
+    matters. An engine that dies is replaced, and so is a worker: its item is done once more.
 
     Args:
         function: a module-level function.
         items: drawn as workers become free, so that there may be endlessly many.
-        workers: how many processes; 0 does the work in this one.
-        perceptions: what programs may ask the robot.
+        workers: how many, and where.
+        config: of their robots.
+
+    Raises:
+        EngineError: no engine can be started, or an item kills one worker after the other.
+        UserError: there is no Ray, or no such cluster.
     """
-    if workers == 0:
-        yield from ((item, _call(function, item, perceptions)) for item in items)
-        return
-    context = multiprocessing.get_context("spawn")  # torch and forks do not go together
-    started, stop = context.Value("i", 0), context.Event()
-    pool = ProcessPoolExecutor(workers, context, _start_worker, (started, stop))
-    pending: dict[Future[Any], Item] = {}
-    source = iter(items)
+    if workers.backend == "ray":
+        from evaps.robots.ray_workers import ray_map
+
+        return ray_map(function, items, workers, config)
+    if workers.count == 0:
+        return ((item, call(function, item, config)) for item in items)
+    return _process_map(function, items, workers.count, config)
+
+
+def _process_map(
+    function: Callable[[MemoRobot, Item], Result], items: Iterable[Item], workers: int, config: RobotConfig
+) -> Iterator[tuple[Item, Result]]:
+    source: Iterator[Any] = iter(items)
+    lost: deque[Any] = deque()  # what a worker was doing when it died
+    deaths = 0
+    pool = _Pool[Item](workers)
     try:
         while True:
-            while len(pending) < 2 * workers and (item := next(source, None)) is not None:
-                with interrupts_blocked():
-                    future = pool.submit(_call, function, item, perceptions)
-                pending[future] = item
-            if not pending:
+            while len(pool.pending) < 2 * workers and pool.alive:
+                item = lost.popleft() if lost else next(source, _END)
+                if item is _END:
+                    break
+                pool.submit(function, item, config)
+            if not pool.pending:
                 return
-            for future in wait(pending, return_when=FIRST_COMPLETED).done:
-                yield pending.pop(future), future.result()
+            for item, result in pool.done():
+                deaths = 0
+                yield item, result
+            if not pool.alive:
+                deaths += 1
+                if deaths == TRIES:
+                    raise EngineError(f"workers have died {TRIES} times in turn before anything was done")
+                lost.extend(pool.pending.values())
+                pool.end()
+                pool = _Pool[Item](workers)
     finally:
-        stop.set()  # an item may take minutes, and nobody waits for it any more
-        pool.shutdown(wait=True, cancel_futures=True)
+        pool.end()
+
+
+class _Pool(Generic[Item]):
+    """Worker processes that all end when one of them has died."""
+
+    def __init__(self, workers: int) -> None:
+        context = multiprocessing.get_context("spawn")  # torch and forks do not go together
+        self.alive = True
+        self.pending: dict[Future[Any], Item] = {}
+        self._started, self._stop = context.Value("i", 0), context.Event()
+        self._pids = context.Array("i", workers)
+        shared = (self._started, self._stop, self._pids)
+        self._executor = ProcessPoolExecutor(workers, context, _start_worker, shared)
+
+    def submit(self, function: Callable[[MemoRobot, Item], Any], item: Item, config: RobotConfig) -> None:
+        try:
+            with interrupts_blocked():
+                future = self._executor.submit(call, function, item, config)
+        except BrokenProcessPool:
+            self.alive = False
+            future = Future()  # never done: it is lost with the others
+        self.pending[future] = item
+
+    def done(self) -> Iterator[tuple[Item, Any]]:
+        """Wait for some results; those that died with a worker stay pending."""
+        if not self.alive:
+            return
+        for future in wait(self.pending, return_when=FIRST_COMPLETED).done:
+            if isinstance(future.exception(), BrokenProcessPool):
+                self.alive = False
+            else:
+                yield self.pending.pop(future), future.result()
+
+    def end(self) -> None:
+        """End all workers, and the engines of those that have died."""
+        self._stop.set()  # an item may take minutes, and nobody waits for it any more
+        if not self.alive:
+            for pid in filter(None, self._pids[:]):
+                with suppress(OSError):
+                    os.killpg(pid, signal.SIGKILL)
+        self._executor.shutdown(wait=True, cancel_futures=True)
 
 
 class _Stopped(Exception):  # noqa: N818 - nothing is wrong
@@ -82,16 +183,23 @@ class _WorkerRobot(DoomRobot):
             raise _Stopped
 
 
-def _start_worker(started: Any, stop: Any) -> None:
-    os.setpgid(0, 0)  # with its engine, so that one signal ends both
+def _start_worker(started: Any, stop: Any, pids: Any) -> None:
+    os.setpgid(0, 0)  # with its engines, so that one signal ends all
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _WorkerRobot.stop = stop
     with started.get_lock():
         number = started.value
         started.value += 1
-    if hasattr(os, "sched_getaffinity"):
-        cores = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, {cores[number % len(cores)]})
+    pids[number % len(pids)] = os.getpid()
+    settle(core_of(number))
+
+
+def core_of(number: int) -> int | None:
+    """The core for a worker of this machine, by its number; None where cores cannot be chosen."""
+    if not hasattr(os, "sched_getaffinity"):
+        return None
+    cores: Sequence[int] = sorted(os.sched_getaffinity(0))
+    return cores[number % len(cores)]
 
 
 def _end_with_parent() -> None:
@@ -103,18 +211,16 @@ def _end_with_parent() -> None:
 
 
 @cache
-def _robot(perceptions: tuple[str, ...]) -> MemoRobot:
-    return MemoRobot(_WorkerRobot(), perceptions)
+def _robot(config: RobotConfig) -> MemoRobot:
+    spares = [_WorkerRobot() for _ in range(config.spares)]
+    return MemoRobot(_WorkerRobot(), config.perceptions, config.eager, spares=spares)
 
 
-def _call(function: Callable[[MemoRobot, Item], Result], item: Item, perceptions: tuple[str, ...]) -> Result:
-    robot = _robot(perceptions)
+def call(function: Callable[[MemoRobot, Item], Result], item: Item, config: RobotConfig) -> Result:
+    """Do one item in this process, on a robot that remembers nothing of the ones before."""
+    robot = _robot(config)
     robot.forget()
     try:
-        return function(robot, item)
-    except EngineError:
-        robot.close()
-        robot.forget()
         return function(robot, item)
     finally:
         robot.forget()

@@ -17,10 +17,10 @@ from evaps.files import write_atomically
 from evaps.models.base import Execution
 from evaps.models.compute import autocast
 from evaps.models.encoder import Encoder
-from evaps.robots.base import Observation, PaletteFrame
+from evaps.robots.frames import Observation, PaletteFrame, digest
 from evaps.synthesis.solution import Attempt
 from evaps.tasks.dataset import Dataset
-from evaps.tasks.frames import rgbd, unpack_frame
+from evaps.tasks.frames import rgbd, unpack_frames
 from evaps.tasks.progress import track
 from evaps.tasks.task import EXAMPLES, Task
 
@@ -29,6 +29,7 @@ BATCH = 128
 
 def stack_frames(observations: Sequence[Observation]) -> UInt8[Tensor, "batch height width 4"]:
     """RGB and depth of observations as one tensor of bytes."""
+    observations = [getattr(o, "frame", o) for o in observations]  # what is remembered, as it is held
     doom = [o for o in observations if isinstance(o, PaletteFrame)]
     if len(doom) == len(observations):
         return rgbd(doom)
@@ -52,11 +53,11 @@ def embed(encoder: Encoder, observations: Sequence[Observation]) -> Float[Tensor
     return torch.cat(parts)
 
 
-def save_array(path: Path, array: np.ndarray[Any, Any]) -> None:
-    """Write a ``.npy`` file, whole or not at all."""
+def array_bytes(array: np.ndarray[Any, Any]) -> bytes:
+    """An array as a ``.npy`` file."""
     content = io.BytesIO()
     np.save(content, array)
-    write_atomically(path, content.getvalue())
+    return content.getvalue()
 
 
 def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> np.ndarray[Any, np.dtype[np.float16]]:
@@ -77,16 +78,16 @@ def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> np.ndarray
         for tasks in track(
             iter(lambda: list(islice(frames, 10)), []), len(dataset), "features of tasks", 0, 10
         ):
-            observations = [unpack_frame(f) for _, first, last in tasks for f in (*first, *last)]
+            observations = [frame for _, frames in tasks for frame in unpack_frames(frames)]
             embedded = embed(encoder, observations).cpu().numpy()
             by_task = embedded.reshape(-1, 2, examples, out.shape[-1]).swapaxes(1, 2)
-            out[[position for position, _, _ in tasks]] = by_task
-        save_array(path, out)
+            out[[position for position, _ in tasks]] = by_task
+        write_atomically(path, array_bytes(out))
     return np.load(path)
 
 
 class FeatureTable:
-    """A growing table of embeddings; an observation that was embedded before is looked up.
+    """A growing table of embeddings; an observation that looks like one before is looked up.
 
     Args:
         encoder: in evaluation mode.
@@ -98,19 +99,17 @@ class FeatureTable:
     def __init__(self, encoder: Encoder) -> None:
         self.encoder = encoder
         self.table = torch.empty(0, encoder.config.feature, device=encoder.linear.weight.device)
-        self._rows: dict[int, int] = {}
-        self._held: list[Observation] = []  # so that no other object gets the same id
+        self._rows: dict[bytes, int] = {}
 
     def rows(self, observations: Iterable[Observation]) -> list[int]:
         """The rows of these observations; new ones are embedded together."""
-        observations = list(observations)
-        new = list({id(o): o for o in observations if id(o) not in self._rows}.values())
+        by_digest = [(digest(o), o) for o in observations]
+        new = {key: o for key, o in by_digest if key not in self._rows}
         if new:
-            for observation in new:
-                self._rows[id(observation)] = len(self._rows)
-            self._held += new
-            self.table = torch.cat([self.table, embed(self.encoder, new)])
-        return [self._rows[id(o)] for o in observations]
+            for key in new:
+                self._rows[key] = len(self._rows)
+            self.table = torch.cat([self.table, embed(self.encoder, list(new.values()))])
+        return [self._rows[key] for key, _ in by_digest]
 
     def executions(self, attempts: Sequence[Attempt], task: Task) -> list[Execution]:
         """What a repairer is told of these attempts."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,11 @@ from evaps.models import load_encoder
 from evaps.models.base import Execution
 from evaps.models.encoder import Encoder
 from evaps.robots.memo import MemoRobot
-from evaps.synthesis.features import FeatureTable, save_array
-from evaps.synthesis.solution import attempt
-from evaps.tasks.dataset import Dataset, TaskPart, task_parts, write_table
-from evaps.tasks.parts import make_parts
+from evaps.robots.workers import Workers
+from evaps.synthesis.features import FeatureTable, array_bytes
+from evaps.synthesis.solution import attempt_all
+from evaps.tasks.dataset import Dataset, TaskPart, rows_bytes, task_parts
+from evaps.tasks.parts import Files, make_parts
 from evaps.tasks.task import GoldTask
 
 TASKS = 50  # in a part
@@ -65,8 +66,8 @@ class MistakePart:
         return self.tasks.path
 
 
-def make_mistakes(robot: MemoRobot, part: MistakePart) -> None:
-    """Run the wrong programs of a part and write what was seen."""
+def make_mistakes(robot: MemoRobot, part: MistakePart) -> Files:
+    """Run the wrong programs of a part; what was seen."""
     torch.set_num_threads(1)  # every worker has one core
     table = FeatureTable(_encoder(part.encoder))
     rng = np.random.default_rng([part.seed, 2, part.tasks.rows[0]["index"]])
@@ -74,8 +75,8 @@ def make_mistakes(robot: MemoRobot, part: MistakePart) -> None:
     for gold, failures in zip(part.tasks.golds(), part.failures, strict=True):
         robot.forget()
         rows += _mistakes(gold, failures, part.mutations, robot, table, rng)
-    save_array(part.path.with_suffix(".npy"), table.table.half().numpy())
-    write_table(part.path, rows, SCHEMA)
+    embeddings = array_bytes(table.table.half().numpy())
+    return {part.path.with_suffix(".npy"): embeddings, part.path: rows_bytes(rows, SCHEMA)}
 
 
 @cache
@@ -94,7 +95,7 @@ def _mistakes(
     times = rng.choice(MUTATIONS, size=mutations, p=np.array(MUTATIONS) / sum(MUTATIONS))
     programs = {mutate(gold.program, rng, int(n)): 1 for n in times}
     programs |= {Program.parse(text): 2 for text in failures}
-    attempts = [attempt(program, gold.task, robot) for program in programs]
+    attempts = attempt_all(list(programs), gold.task, robot)
     wrong = [a for a in attempts if not a.solved]
     return [
         {
@@ -117,14 +118,18 @@ def generate_mistakes(
     failures: dict[int, list[str]],
     mutations: int,
     seed: int,
-    workers: int,
+    workers: Workers,
 ) -> list[Path]:
     """Run wrong programs on tasks of a data set, or go on with it; the files that hold them."""
     parts = [
         MistakePart(tasks, encoder, [failures.get(p, []) for p in tasks.positions], mutations, seed)
         for tasks in task_parts(folder, dataset, positions, TASKS)
     ]
-    return make_parts(make_mistakes, parts, workers, "tasks with mistakes", TASKS)
+
+    def load(part: MistakePart) -> MistakePart:
+        return replace(part, tasks=part.tasks.loaded(dataset))
+
+    return make_parts(make_mistakes, parts, workers, "tasks with mistakes", TASKS, load)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from evaps.models.beam import Proposal, beam_search
 from evaps.models.compute import autocast
 from evaps.robots.memo import MemoRobot
 from evaps.synthesis.features import FeatureTable
-from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt, best_first
+from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt_all, best_first
 from evaps.tasks.task import Task
 
 ROUNDS = 5
@@ -61,13 +61,10 @@ def repair_all(
         tried: list[set[Program]] = [{a.program for a in chain} for chain in open_chains]
         with autocast():
             repaired = repairer.repair(executions, table.table, tried)
-        going_on = []
-        for chain, program in zip(open_chains, repaired, strict=True):
-            if program is not None:
-                chain.append(attempt(program, task, robot))
-                if not chain[-1].solved:
-                    going_on.append(chain)
-        open_chains = going_on
+        new = [(chain, p) for chain, p in zip(open_chains, repaired, strict=True) if p is not None]
+        for (chain, _), attempt in zip(new, attempt_all([p for _, p in new], task, robot), strict=True):
+            chain.append(attempt)
+        open_chains = [chain for chain, _ in new if not chain[-1].solved]
 
 
 def synthesize_with(
@@ -81,7 +78,7 @@ def synthesize_with(
     start, simulated = time.perf_counter(), robot.simulated_actions
     table = FeatureTable(model.encoder)
     proposals = propose(model, table, task, robot, max(beam, top_k))[:top_k]
-    chains = [[attempt(proposal.program, task, robot)] for proposal in proposals]
+    chains = [[attempt] for attempt in attempt_all([p.program for p in proposals], task, robot)]
     if model.repairer is not None:
         repair_all(model.repairer, chains, task, table, robot, rounds)
     answers = best_first([_candidate(model, _until_best(chain), rank) for rank, chain in enumerate(chains)])

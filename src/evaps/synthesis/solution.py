@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from evaps.dsl import Program, Trace, run
-from evaps.robots.base import Observation, Robot, frame_match
+from evaps.robots.base import Robot
+from evaps.robots.frames import Observation, frame_match
+from evaps.robots.memo import MemoRobot
+from evaps.robots.together import run_together
 from evaps.tasks.task import Task
 
 
@@ -112,6 +115,16 @@ def attempt(program: Program, task: Task, robot: Robot) -> Attempt:
     for example in task.examples:
         robot.reset(example.scene)
         traces.append(run(program, robot))
+    return _attempt(program, task, traces)
+
+
+def attempt_all(programs: Sequence[Program], task: Task, robot: MemoRobot) -> list[Attempt]:
+    """The same as :func:`attempt` for each of several programs, with fewer actions."""
+    by_scene = [run_together(programs, example.scene, robot) for example in task.examples]
+    return [_attempt(p, task, traces) for p, *traces in zip(programs, *by_scene, strict=True)]
+
+
+def _attempt(program: Program, task: Task, traces: Sequence[Trace[Observation]]) -> Attempt:
     goals = [example.goal for example in task.examples]
     passed = tuple(
         t.halted and frame_match(t.observations[-1], g) for t, g in zip(traces, goals, strict=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,10 @@ from evaps.files import write_atomically
 from evaps.robots.base import Scene, WorldState
 from evaps.robots.doom import ROBOT
 from evaps.tasks.files import read_json
-from evaps.tasks.frames import unpack_frame
+from evaps.tasks.frames import unpack_frames
 from evaps.tasks.task import GoldTask, Outcome
 
-FORMAT = 1
+FORMAT = 2
 PART = 100  # indices in a part, unless dataset.json says otherwise
 SPLITS = {"train": 0.7, "validation": 0.9, "test": 1.0}  # upper end of the hash
 
@@ -35,11 +35,21 @@ def split_of(program: Program | str) -> str:
     return next(name for name, end in SPLITS.items() if share < end)
 
 
-def write_table(path: Path, rows: list[dict[str, Any]], schema: pa.Schema) -> None:
-    """Write rows as Parquet, whole or not at all."""
+def table_bytes(table: pa.Table) -> bytes:
+    """A table as a Parquet file: the same bytes for the same content."""
     sink = pa.BufferOutputStream()
-    pq.write_table(pa.Table.from_pylist(rows, schema), sink, compression="zstd")
-    write_atomically(path, sink.getvalue().to_pybytes())
+    pq.write_table(table, sink, compression="zstd", compression_level=9)
+    return sink.getvalue().to_pybytes()  # type: ignore[no-any-return]
+
+
+def rows_bytes(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> bytes:
+    """Rows as a Parquet file."""
+    return table_bytes(pa.Table.from_pylist(rows, schema))
+
+
+def write_table(path: Path, rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> None:
+    """Write rows as Parquet, whole or not at all."""
+    write_atomically(path, rows_bytes(rows, schema))
 
 
 _POSE = {"x": pa.float32(), "y": pa.float32(), "heading": pa.float32()}
@@ -56,9 +66,18 @@ TASK_SCHEMA = pa.schema(
         "scenes": pa.list_(_SCENE),
         "states": pa.list_(_STATE),
         "actions": pa.list_(pa.string()),
+        "first_digests": pa.list_(pa.binary()),
+        "last_digests": pa.list_(pa.binary()),
     }
 )
-FRAME_SCHEMA = pa.schema({"index": pa.int64(), "first": pa.list_(pa.binary()), "last": pa.list_(pa.binary())})
+FRAME_SCHEMA = pa.schema({"index": pa.int64(), "frames": pa.binary()})  # see `pack_frames`
+TRACE_SCHEMA = pa.schema(
+    {
+        "index": pa.int64(),
+        "observations": pa.list_(pa.binary()),  # of each example, before the first action and after each
+        "perceptions": pa.list_(pa.list_(pa.list_(pa.string()))),  # those that are true in them
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -85,6 +104,11 @@ class Part:
         """First and last observations."""
         return self.folder / "frames" / f"frames-{self.number:05d}.parquet"
 
+    @property
+    def traces(self) -> Path:
+        """All observations of the runs."""
+        return self.folder / "traces" / f"traces-{self.number:05d}.parquet"
+
 
 def read_identity(folder: Path) -> dict[str, Any]:
     """What ``dataset.json`` says: seed, size, robot and versions.
@@ -99,6 +123,28 @@ def read_identity(folder: Path) -> dict[str, Any]:
     return found
 
 
+class Rows(Sequence[dict[str, Any]]):
+    """The rows of a table as plain values, each made when it is asked for."""
+
+    def __init__(self, table: pa.Table) -> None:
+        self.table = table
+
+    def __len__(self) -> int:
+        return int(self.table.num_rows)
+
+    def __getitem__(self, position: Any) -> Any:
+        if isinstance(position, slice):
+            return [self[i] for i in range(*position.indices(len(self)))]
+        if not -len(self) <= position < len(self):
+            raise IndexError(position)
+        return self.table.slice(position % len(self), 1).to_pylist()[0]
+
+    def column(self, name: str) -> list[Any]:
+        """One value of every row."""
+        values: list[Any] = self.table[name].to_pylist()
+        return values
+
+
 class Dataset:
     """A data set on disk.
 
@@ -107,7 +153,7 @@ class Dataset:
 
     Attributes:
         identity: seed, size and versions, as in ``dataset.json``.
-        rows: all tasks as plain values, without frames, in the order of their indices.
+        rows: all tasks, without frames, in the order of their indices.
 
     Raises:
         DatasetError: the folder holds no complete data set.
@@ -118,26 +164,28 @@ class Dataset:
         if not (self.folder / "tasks.parquet").exists():
             raise DatasetError(f"{folder} holds no complete data set; make one with: evaps generate {folder}")
         self.identity = read_identity(self.folder)
-        if self.identity.get("robot") != ROBOT:
-            raise DatasetError(f"{folder} is of the robot {self.identity.get('robot')!r}, not {ROBOT!r}")
-        self.rows: list[dict[str, Any]] = pq.read_table(self.folder / "tasks.parquet").to_pylist()
+        for key, wanted in (("robot", ROBOT), ("format", FORMAT)):
+            if (found := self.identity.get(key)) != wanted:
+                raise DatasetError(f"{folder} has the {key} {found!r}, not {wanted!r}; generate it again")
+        self.rows = Rows(pq.read_table(self.folder / "tasks.parquet"))
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def split(self, name: str) -> list[int]:
         """The positions in :attr:`rows` of the tasks of a split."""
-        return [i for i, row in enumerate(self.rows) if row["split"] == name]
+        return [i for i, split in enumerate(self.rows.column("split")) if split == name]
 
-    def frames(self, positions: Sequence[int]) -> Iterator[tuple[int, list[bytes], list[bytes]]]:
-        """For each position (in order of the files): first and last observations of the examples, packed."""
-        wanted = {self.rows[p]["index"]: p for p in positions}
-        for index, first, last in read_frames(self.folder, list(wanted)):
-            yield wanted[index], first, last
+    def frames(self, positions: Sequence[int]) -> Iterator[tuple[int, bytes]]:
+        """For each position (in order of the files): first and then last observations, packed together."""
+        indices = self.rows.column("index")
+        wanted = {indices[p]: p for p in positions}
+        for index, frames in read_frames(self.folder, list(wanted)):
+            yield wanted[index], frames
 
 
-def read_frames(folder: Path, indices: Sequence[int]) -> Iterator[tuple[int, list[bytes], list[bytes]]]:
-    """For each task with one of these indices: first and last observations of its examples, packed.
+def read_frames(folder: Path, indices: Sequence[int]) -> Iterator[tuple[int, bytes]]:
+    """For each task with one of these indices: first and then last observations of its examples, packed.
 
     Raises:
         DatasetError: the frames were left out.
@@ -150,14 +198,15 @@ def read_frames(folder: Path, indices: Sequence[int]) -> Iterator[tuple[int, lis
             raise DatasetError(f"{path} is missing; make the frames with: evaps render {folder}")
         for row in pq.read_table(path).to_pylist():
             if row["index"] in wanted:
-                yield row["index"], row["first"], row["last"]
+                yield row["index"], row["frames"]
 
 
-def gold_task(row: dict[str, Any], last: Sequence[bytes]) -> GoldTask:
-    """A task with its answer from its row and its packed goal frames."""
+def gold_task(row: dict[str, Any], frames: bytes) -> GoldTask:
+    """A task with its answer from its row and its packed frames."""
+    goals = unpack_frames(frames)[len(row["scenes"]) :]
     outcomes = tuple(
-        Outcome(Scene.from_json(scene), unpack_frame(frame), WorldState.from_json(state))
-        for scene, frame, state in zip(row["scenes"], last, row["states"], strict=True)
+        Outcome(Scene.from_json(scene), goal, WorldState.from_json(state))
+        for scene, goal, state in zip(row["scenes"], goals, row["states"], strict=True)
     )
     return GoldTask(f"task-{row['index']}", Program.parse(row["program"]), outcomes, row["steps"])
 
@@ -170,23 +219,33 @@ class TaskPart:
         path: the file.
         folder: of the data set.
         positions: of the tasks in :attr:`Dataset.rows`.
-        rows: the tasks, as in :attr:`Dataset.rows`.
+        rows: the tasks, as in :attr:`Dataset.rows`; empty until they are loaded.
+        frames: their observations, packed.
     """
 
     path: Path
     folder: Path
     positions: tuple[int, ...]
-    rows: tuple[dict[str, Any], ...]
+    rows: tuple[dict[str, Any], ...] = ()
+    frames: tuple[bytes, ...] = ()
+
+    def loaded(self, dataset: Dataset) -> TaskPart:
+        """The same with rows and frames: it needs no files any more.
+
+        Raises:
+            DatasetError: the frames were left out.
+        """
+        rows = tuple(dataset.rows[p] for p in self.positions)
+        frames = dict(read_frames(self.folder, [row["index"] for row in rows]))
+        return replace(self, rows=rows, frames=tuple(frames[row["index"]] for row in rows))
 
     def golds(self) -> Iterator[GoldTask]:
         """The tasks with their answers."""
-        goals = {index: last for index, _, last in read_frames(self.folder, [r["index"] for r in self.rows])}
-        return (gold_task(row, goals[row["index"]]) for row in self.rows)
+        return map(gold_task, self.rows, self.frames)
 
 
 def task_parts(folder: Path, dataset: Dataset, positions: Sequence[int], size: int) -> Iterator[TaskPart]:
     """Tasks of a data set in parts of ``size``, whose files are numbered in ``folder``."""
     for number, start in enumerate(range(0, len(positions), size)):
-        chosen = tuple(positions[start : start + size])
         path = folder / f"part-{number:05d}.parquet"
-        yield TaskPart(path, dataset.folder, chosen, tuple(dataset.rows[p] for p in chosen))
+        yield TaskPart(path, dataset.folder, tuple(positions[start : start + size]))

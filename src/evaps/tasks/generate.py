@@ -7,18 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaps.dsl import ConditionEvent, Program, Trace, covered, run
-from evaps.dsl.sampler import PERCEPTIONS, SamplerConfig, sample_program
-from evaps.robots.base import Observation, Scene, WorldState
-from evaps.robots.memo import MemoRobot
+from evaps.dsl import ConditionEvent, Limits, Program, Trace, covered, run
+from evaps.dsl.counting import longest_run, programs_of_shape
+from evaps.dsl.sampler import SamplerConfig, sample_program
+from evaps.robots.base import Scene, WorldState
+from evaps.robots.frames import Observation
+from evaps.robots.memo import MemoRobot, RememberedView
 from evaps.robots.scenes import random_scene
+from evaps.tasks.questions import Asker, OpenProgram, Seen, Unanswered
 from evaps.tasks.task import EXAMPLES
 
-SCENES = 10  # drawn for a task; six of them become its examples
+SCENES = 8  # drawn for a task; six of them become its examples
 PROGRAMS = 24  # tried on these scenes before new ones are drawn
 LEAST_STEPS = 2
 USUAL_PROGRAMS = SamplerConfig()
 USUAL_STEPS = 4  # longer tasks are thinned out in proportion, so that the mean is 4.6
+FEW = 7**4  # shapes of fewer programs are thinned out in proportion: most of these would come again and again
 
 
 @dataclass(frozen=True)
@@ -39,91 +43,123 @@ class Draft:
 
 
 @dataclass(frozen=True)
-class _Run:
+class Run:
+    """A run that halted, and where it ended."""
+
     scene: Scene
-    trace: Trace[Observation]
+    trace: Trace[RememberedView]
     state: WorldState
-    changed: bool
 
 
 def generate_task(seed: int, index: int, robot: MemoRobot, config: SamplerConfig = USUAL_PROGRAMS) -> Draft:
     """The task of this data set seed and index: five specification scenes and, last, a test scene.
 
-    Programs are tried on a common handful of scenes, so that most of what they do has been simulated
-    before; conditions prefer perceptions that differ between the scenes.
+    Programs are tried on a common handful of scenes, so that some of what they do has been simulated before;
+    what their conditions ask is chosen by what these scenes show. A program that takes many steps is kept
+    with the probability ``USUAL_STEPS / steps``: the most steps that it may take are drawn before it runs.
     """
     rng = np.random.default_rng([seed, index])
     conditionals = int(rng.choice(len(config.conditionals), p=config.conditionals))
     while True:
         robot.forget()
         scenes = [random_scene(rng) for _ in range(SCENES)]
-        perceptions = _telling_perceptions(scenes, robot) if conditionals else PERCEPTIONS
         for _ in range(PROGRAMS):
-            program = sample_program(rng, config, perceptions, conditionals)
-            chosen = choose_scenes(program, scenes, robot)
-            if chosen is not None and rng.random() < USUAL_STEPS / _steps(chosen):
-                return _draft(program, chosen)
+            program = sample_program(rng, config, conditionals=conditionals)
+            most = min(Limits().actions, int(USUAL_STEPS / (1 - rng.random())))
+            if longest_run(program) < LEAST_STEPS or rng.random() > programs_of_shape(program) / FEW:
+                continue
+            draft = draft_task(OpenProgram(program), scenes, robot, rng, most)
+            if draft is not None:
+                return draft
 
 
-def _telling_perceptions(scenes: Sequence[Scene], robot: MemoRobot) -> tuple:  # type: ignore[type-arg]
-    """All perceptions, and those twice more that are true in some of the scenes and false in others."""
-    seen = []
-    for scene in scenes:
-        robot.reset(scene)
-        seen.append(robot.node.perceptions)
-    telling = [p for p in PERCEPTIONS if len({p.key in found for found in seen}) == 2]
-    return (*PERCEPTIONS, *telling, *telling)
+def draft_task(
+    program: OpenProgram,
+    scenes: Sequence[Scene],
+    robot: MemoRobot,
+    rng: np.random.Generator,
+    most: int = Limits().actions,
+) -> Draft | None:
+    """A task of the program on six of the scenes; None if it comes to nothing on them.
+
+    All scenes are followed up to the first open condition; when it is closed they go on from there.
+
+    Args:
+        program: its open conditions are closed.
+        scenes: to choose from.
+        robot: where it runs.
+        rng: for what the conditions ask.
+        most: actions that a run may take; scenes on which it takes more are not used.
+    """
+    while True:
+        runs, asked = _runs(program, scenes, robot, Limits(actions=most))
+        if not asked:
+            return _draft(program.program, runs)
+        key = max(asked, key=lambda k: len(asked[k]))
+        if not program.answer(key, asked[key], rng):
+            return None
 
 
-def choose_scenes(program: Program, scenes: Sequence[Scene], robot: MemoRobot) -> list[_Run] | None:
-    """Six runs of the program, the first five of which take every branch; None if these scenes have none."""
-    runs: list[_Run] = []
+def _runs(
+    program: OpenProgram, scenes: Sequence[Scene], robot: MemoRobot, limits: Limits
+) -> tuple[list[Run], dict[str, list[Seen]]]:
+    """Runs on as many scenes as are needed, and what was seen where others came to an open condition.
+
+    Where there is no hope, there are no runs.
+    """
+    runs: list[Run] = []
+    asked: dict[str, list[Seen]] = {}
+    useful = 0
     for tried, scene in enumerate(scenes, start=1):
         robot.reset(scene)
         start = robot.state()
-        trace = run(program, robot)
-        if trace.halted:
-            runs.append(_Run(scene, trace, robot.state(), robot.state() != start))
-        elif tried - len(runs) > 1 + len(runs) // 2:  # runs that do not halt are the dearest
-            return None
-        if len(runs) > EXAMPLES and (chosen := _covering(program, runs)):
-            return chosen
-    return None
+        try:
+            trace = run(program.asking, Asker(robot, program.answers), limits)
+        except Unanswered as end:
+            asked.setdefault(end.key, []).append(end.seen)
+            useful += 1
+        else:
+            if trace.halted:
+                useful += 1
+                runs.append(Run(scene, trace, robot.state()))
+                if len(runs) <= 2 and robot.state() == start:  # it should usually change something
+                    return [], {}
+            elif tried - useful > 1 + useful // 2:  # runs that do not halt are the dearest
+                return [], {}
+        if useful > EXAMPLES and (asked or choose_runs(program.program, runs)):
+            break
+    return runs, asked
 
 
-def _covering(program: Program, runs: list[_Run]) -> list[_Run] | None:
-    if _steps(runs) < LEAST_STEPS or not all(r.changed for r in runs[:2]):
+def choose_runs(program: Program | None, runs: Sequence[Run]) -> list[Run] | None:
+    """Six runs of the program, the first five of which take every branch; None if there are none such."""
+    if program is None or len(runs) <= EXAMPLES or not covered(program, [r.trace for r in runs]):
         return None
-    if not covered(program, [r.trace for r in runs]):
-        return None
-    spec: list[_Run] = []
+    spec: list[Run] = []
     for r in runs:  # first what takes a branch that none before it took
         traces = [s.trace for s in spec]
-        if len(spec) < EXAMPLES and _branches(program, [*traces, r.trace]) > _branches(program, traces):
+        if len(spec) < EXAMPLES and _branches([*traces, r.trace]) > _branches(traces):
             spec.append(r)
-    rest = [r for r in runs if r not in spec]
-    spec += rest[: EXAMPLES - len(spec)]
-    if not covered(program, [r.trace for r in spec]):
+    rest = [r for r in runs if all(r is not s for s in spec)]
+    chosen = [*spec, *rest][: EXAMPLES + 1]
+    if not covered(program, [r.trace for r in chosen[:EXAMPLES]]):
         return None
-    test = next(r for r in runs if all(r is not s for s in spec))
-    chosen = [*spec, test]
-    return chosen if _steps(chosen) >= LEAST_STEPS else None
+    return chosen if max(len(r.trace.actions) for r in chosen) >= LEAST_STEPS else None
 
 
-def _steps(runs: Sequence[_Run]) -> int:
-    return max(len(r.trace.actions) for r in runs)
-
-
-def _branches(program: Program, traces: Sequence[Trace[Observation]]) -> int:
+def _branches(traces: Sequence[Trace[RememberedView]]) -> int:
     return len({(e.segment, e.value) for t in traces for e in t.events if isinstance(e, ConditionEvent)})
 
 
-def _draft(program: Program, runs: Sequence[_Run]) -> Draft:
+def _draft(program: Program | None, runs: Sequence[Run]) -> Draft | None:
+    chosen = choose_runs(program, runs)
+    if program is None or chosen is None:
+        return None
     return Draft(
         program,
-        tuple(r.scene for r in runs),
-        tuple(r.trace.observations[0] for r in runs),
-        tuple(r.trace.observations[-1] for r in runs),
-        tuple(r.state for r in runs),
-        tuple(r.trace.actions for r in runs),
+        tuple(r.scene for r in chosen),
+        tuple(r.trace.observations[0].frame for r in chosen),
+        tuple(r.trace.observations[-1].frame for r in chosen),
+        tuple(r.state for r in chosen),
+        tuple(r.trace.actions for r in chosen),
     )

@@ -14,7 +14,8 @@ import numpy as np
 from PIL import Image as Picture
 
 from evaps.dsl import Program, UserError
-from evaps.robots.base import Image, Observation, RgbFrame, Scene, SceneError, WorldState
+from evaps.robots.base import Scene, SceneError, WorldState
+from evaps.robots.frames import Image, Observation, RgbFrame
 from evaps.robots.scenes import validate
 from evaps.tasks.files import read_json
 

@@ -15,10 +15,11 @@ from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.robots.base import Scene, WorldState
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
-from evaps.tasks.dataset import write_table
-from evaps.tasks.frames import pack_frame
+from evaps.robots.workers import Workers
+from evaps.tasks.dataset import rows_bytes
+from evaps.tasks.frames import pack_frames
 from evaps.tasks.identity import short_hash
-from evaps.tasks.parts import make_parts
+from evaps.tasks.parts import Files, make_parts
 
 LENGTH = 8  # actions in a walk
 PART = 250  # walks in a file
@@ -27,7 +28,7 @@ SAME = 0.3  # how likely an action is the one before it
 SCHEMA = pa.schema(
     {
         "actions": pa.list_(pa.int8()),
-        "frames": pa.list_(pa.binary()),
+        "frames": pa.binary(),
         "perceptions": pa.list_(pa.list_(pa.bool_())),
         "poses": pa.list_(pa.list_(pa.float32(), 3)),
         "ammo": pa.list_(pa.int32()),
@@ -55,27 +56,31 @@ class WalkPart:
         return self.folder / f"walks-{self.number:05d}-{key}.parquet"
 
 
-def make_walks(robot: MemoRobot, part: WalkPart) -> None:
-    """Simulate the walks of a part and write them."""
+def make_walks(robot: MemoRobot, part: WalkPart) -> Files:
+    """Simulate the walks of a part."""
     rng = np.random.default_rng([part.seed, 1, part.number])  # 1: not the stream of any task
     starts = part.starts or tuple((random_scene(rng), ()) for _ in range(PART))
-    write_table(part.path, [_walk(robot, start, rng) for start in starts], SCHEMA)
+    return {part.path: rows_bytes([_walk(robot, start, rng) for start in starts], SCHEMA)}
 
 
 def _walk(robot: MemoRobot, start: Start, rng: np.random.Generator) -> dict[str, Any]:
     robot.forget()
     scene, first = start
     robot.reset(scene)
-    nodes, actions = [robot.node], _actions([ACTIONS.index(action) for action in first], rng)
-    for action in actions:
-        robot.act(ACTIONS[action])
-        nodes.append(robot.node)
+    actions = _actions([ACTIONS.index(action) for action in first], rng)
+    frames, perceptions, states = [], [], []
+    for action in [None, *actions]:
+        if action is not None:
+            robot.act(ACTIONS[action])
+        frames.append(robot.observe().frame)
+        perceptions.append([robot.perceive(p) for p in PERCEPTION_KEYS])
+        states.append(robot.state())
     return {
         "actions": actions,
-        "frames": [pack_frame(node.observation) for node in nodes],
-        "perceptions": [[p in node.perceptions for p in PERCEPTION_KEYS] for node in nodes],
-        "poses": [_pose(node.state) for node in nodes],
-        "ammo": [node.state.ammo for node in nodes],
+        "frames": pack_frames(frames),
+        "perceptions": perceptions,
+        "poses": [_pose(state) for state in states],
+        "ammo": [state.ammo for state in states],
     }
 
 
@@ -92,7 +97,7 @@ def _pose(state: WorldState) -> list[float]:
 
 
 def generate_walks(
-    folder: Path, walks: int, seed: int, workers: int, starts: Sequence[Start] = ()
+    folder: Path, walks: int, seed: int, workers: Workers, starts: Sequence[Start] = ()
 ) -> list[Path]:
     """Make random walks, or go on where it was interrupted.
 
@@ -100,7 +105,7 @@ def generate_walks(
         folder: where to.
         walks: how many that are random from the start.
         seed: of the walks.
-        workers: processes.
+        workers: who makes them.
         starts: one more walk for each of these, which starts like that and goes on at random.
 
     Returns:
@@ -114,9 +119,9 @@ def generate_walks(
 
 @dataclass(frozen=True)
 class Walks:
-    """Walks in memory; frames stay packed, 10 KB each."""
+    """Walks in memory; the frames of each stay packed."""
 
-    frames: list[list[bytes]]
+    frames: list[bytes]
     actions: np.ndarray[Any, np.dtype[np.int64]]  # [walk, action]
     perceptions: np.ndarray[Any, np.dtype[np.bool_]]  # [walk, time, perception]
     poses: np.ndarray[Any, np.dtype[np.float32]]  # [walk, time, 3]

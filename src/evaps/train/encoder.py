@@ -14,7 +14,7 @@ from torch import Tensor
 
 from evaps.models.compute import device
 from evaps.models.encoder import TransitionModel, Transitions
-from evaps.tasks.frames import rgbd, unpack_frame
+from evaps.tasks.frames import rgbd, unpack_frames
 from evaps.tasks.walks import Walks
 
 HELD_OUT = 250  # walks that are only validated on
@@ -77,7 +77,7 @@ class WalkBatches:
 
     def frames(self, rows: npt.NDArray[np.int64]) -> Tensor:
         """Their frames, bytes ``[frame, height, width, 4]``."""
-        return rgbd([unpack_frame(frame) for row in rows for frame in self.walks.frames[row]])
+        return rgbd([frame for row in rows for frame in unpack_frames(self.walks.frames[row])])
 
 
 def drop_pixels(frames: Tensor, rng: np.random.Generator) -> Tensor:

@@ -24,6 +24,7 @@ from evaps.models.checkpoint import CheckpointError, hash_of, load_weights, read
 from evaps.models.compute import autocast, device, precision
 from evaps.models.encoder import EncoderConfig, TransitionModel
 from evaps.robots.base import Scene
+from evaps.robots.workers import Workers
 from evaps.synthesis.features import dataset_features
 from evaps.synthesis.mistakes import TASKS, Mistakes, generate_mistakes
 from evaps.tasks.dataset import Dataset
@@ -39,7 +40,14 @@ from evaps.train.scale import SCALES, Scale
 VALIDATION_TASKS = 512
 
 
-def train(method: str, data: Path, out: Path, scale: str = "small", seed: int = 0, workers: int = 2) -> Path:
+def train(
+    method: str,
+    data: Path,
+    out: Path,
+    scale: str = "small",
+    seed: int = 0,
+    workers: Workers = Workers(2),
+) -> Path:
     """Train a method, or go on with it; needs what comes before it: encoder, synthesizer, repairer.
 
     Args:
@@ -48,7 +56,7 @@ def train(method: str, data: Path, out: Path, scale: str = "small", seed: int = 
         out: folder of the checkpoints; each method gets a folder in it.
         scale: a name in SCALES.
         seed: of everything random in the training.
-        workers: processes that simulate.
+        workers: who simulates.
 
     Returns:
         the checkpoint's folder.
@@ -75,14 +83,15 @@ def train(method: str, data: Path, out: Path, scale: str = "small", seed: int = 
 
 class _Run:
     def __init__(
-        self, dataset: Dataset, out: Path, scale: Scale, scale_name: str, seed: int, workers: int
+        self, dataset: Dataset, out: Path, scale: Scale, scale_name: str, seed: int, workers: Workers
     ) -> None:
         self.dataset, self.out, self.scale, self.seed, self.workers = dataset, out, scale, seed, workers
         self.scale_name = scale_name
         self.start, self.commit = time.monotonic(), code_version()
 
     def train_encoder(self) -> Path:
-        rows = [self.dataset.rows[p] for p in self.dataset.split("train")[: self.scale.task_walks]]
+        train = self.dataset.split("train")[: self.scale.task_walks]
+        rows = (self.dataset.rows[p] for p in train)
         starts = [_start(row, row["index"] % EXAMPLES) for row in rows]
         folder = self.dataset.folder / "walks"
         paths = generate_walks(folder, self.scale.walks, self.seed, self.workers, starts)
@@ -164,7 +173,7 @@ class _Run:
 
     @cached_property
     def _programs(self) -> list[list[int]]:
-        return [VOCAB.encode(row["program"].split()) for row in self.dataset.rows]
+        return [VOCAB.encode(program.split()) for program in self.dataset.rows.column("program")]
 
     @cached_property
     def _features(self) -> np.ndarray[Any, np.dtype[np.float16]]:
@@ -226,7 +235,7 @@ class _Run:
         return Mistakes.read(paths)
 
     def _wrong(self, position: int, programs: Sequence[Program]) -> list[str]:
-        gold = self.dataset.rows[position]["program"]
+        gold = " ".join(VOCAB.decode(self._programs[position]))
         return [str(p) for p in programs if str(p) != gold][: self.scale.failures]
 
     def _save(self, model: torch.nn.Module, name: str, config: FitConfig, metrics: dict[str, float]) -> Path:

@@ -10,7 +10,7 @@ from io import BytesIO
 import numpy as np
 from PIL import Image as Picture
 
-from evaps.robots.base import Image
+from evaps.robots.frames import Image
 
 
 @dataclass(frozen=True)

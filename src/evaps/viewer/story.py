@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from evaps.dsl import ActionEvent, ConditionEvent, Program, Trace
 from evaps.dsl.alignment import Edit, align
-from evaps.robots.base import Observation
+from evaps.robots.frames import Observation
 from evaps.tasks.task import Task
 
 if TYPE_CHECKING:  # else a page would load torch

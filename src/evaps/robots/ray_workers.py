@@ -1,0 +1,108 @@
+"""The same work as in `evaps.robots.workers` on a Ray cluster, of this machine or of many."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, TypeVar
+
+from evaps.dsl import UserError
+from evaps.robots.base import EngineError
+from evaps.robots.engine import settle
+from evaps.robots.memo import MemoRobot
+from evaps.robots.workers import TRIES, RobotConfig, Workers, call, core_of
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+class RayWorker:
+    """An actor with robots of its own; Ray starts it again if its process dies."""
+
+    def place(self, number: int | None = None) -> str:
+        """The node that it runs on; a number binds it to the core with this number.
+
+        Actors run their methods on one thread each, which is what is bound.
+        """
+        import ray
+
+        if number is not None and threading.current_thread() is threading.main_thread():
+            settle(core_of(number))
+        return str(ray.get_runtime_context().get_node_id())
+
+    def call(self, function: Callable[[MemoRobot, Item], Result], item: Item, config: RobotConfig) -> Result:
+        """Do one item."""
+        return call(function, item, config)
+
+
+def ray_map(
+    function: Callable[[MemoRobot, Item], Result],
+    items: Iterable[Item],
+    workers: Workers,
+    config: RobotConfig,
+) -> Iterator[tuple[Item, Result]]:
+    """Call ``function(robot, item)`` for every item on a Ray cluster; results come as they are done.
+
+    What items and results hold travels with them, so the nodes need evaps and what it needs, and no common
+    folder. If a worker dies, Ray starts it again and its item is done once more, up to three times.
+
+    Raises:
+        EngineError: an item kills one worker after the other.
+        UserError: ray is not installed, or there is no such cluster.
+    """
+    ray = _connect(workers.address)
+    try:
+        actors = _actors(ray, max(1, workers.count))
+        idle, running = list(actors), {}
+        source = iter(items)
+        while True:
+            while idle:
+                for item in source:
+                    actor = idle.pop()
+                    running[actor.call.remote(function, item, config)] = actor, item
+                    break
+                else:
+                    break
+            if not running:
+                return
+            (done,), _ = ray.wait(list(running), num_returns=1)
+            actor, item = running.pop(done)
+            idle.append(actor)
+            yield item, _result(ray, done)
+    finally:
+        ray.shutdown()
+
+
+def _connect(address: str | None) -> Any:
+    try:
+        import ray
+    except ImportError:
+        raise UserError("ray is not installed; try: pip install 'evaps[cluster]'") from None
+    try:
+        ray.init(address, log_to_driver=False, logging_level="ERROR", include_dashboard=False)
+    except (ConnectionError, ValueError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise UserError(f"there is no Ray cluster at {address!r}: {reason}") from None
+    return ray
+
+
+def _actors(ray: Any, count: int) -> list[Any]:
+    """So many workers, those of one node on different cores of it."""
+    actor_class = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=TRIES)(RayWorker)
+    actors = [actor_class.remote() for _ in range(count)]
+    nodes = ray.get([actor.place.remote() for actor in actors])
+    numbers: Counter[str] = Counter()
+    for actor, node in zip(actors, nodes, strict=True):
+        actor.place.remote(numbers[node])
+        numbers[node] += 1
+    return actors
+
+
+def _result(ray: Any, done: Any) -> Any:
+    try:
+        return ray.get(done)
+    except ray.exceptions.RayTaskError as error:
+        raise error.cause if isinstance(error.cause, Exception) else error from None
+    except ray.exceptions.RayActorError as error:
+        raise EngineError(f"workers have died {TRIES + 1} times in turn before anything was done") from error

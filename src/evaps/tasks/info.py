@@ -1,0 +1,121 @@
+"""What is in a data set, and whether it still holds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.dsl.vocab import VOCAB, token_type
+from evaps.robots.base import WorldState
+from evaps.robots.memo import MemoRobot
+from evaps.tasks.dataset import SPLITS, Dataset, DatasetError
+from evaps.tasks.render import run_again
+
+STEP_BUCKETS = ("2", "3", "4", "5", "6", "7+")
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What is in a data set.
+
+    Attributes:
+        identity: seed, size and versions.
+        splits: tasks in each split.
+        tokens: of the programs: least, mean, most.
+        steps: of the tasks: least, mean, most.
+        buckets: tasks by steps: 2, 3, 4, 5, 6, 7+.
+        control: programs with each kind of control flow, and with none.
+        perceptions: programs that ask for each.
+        actions: programs that execute each.
+        bytes_per_task: of ``tasks.parquet``, and of each folder of frames that is there.
+    """
+
+    identity: Mapping[str, Any]
+    splits: Mapping[str, int]
+    tokens: tuple[int, float, int]
+    steps: tuple[int, float, int]
+    buckets: Mapping[str, int]
+    control: Mapping[str, int]
+    perceptions: Mapping[str, int]
+    actions: Mapping[str, int]
+    bytes_per_task: Mapping[str, float]
+
+
+def summarize(dataset: Dataset) -> Summary:
+    """Count what is in a data set."""
+    programs = [program.split() for program in dataset.rows.column("program")]
+    steps = dataset.rows.column("steps")
+    words = [set(tokens) for tokens in programs]
+    kinds = ("IF", "IFELSE", "WHILE", "REPEAT", "not")
+    control = {kind: sum(kind in found for found in words) for kind in kinds}
+    control["none"] = sum(not found & {*kinds} for found in words)
+    asked = [set(map(" ".join, zip(tokens, tokens[1:], strict=False))) for tokens in programs]
+    splits = Counter(dataset.rows.column("split"))
+    found = Counter(STEP_BUCKETS[min(n, 7) - 2] for n in steps)
+    actions = [token for token in VOCAB.tokens if token_type(token) == "action"]
+    return Summary(
+        dataset.identity,
+        {split: splits[split] for split in SPLITS},
+        _range([len(tokens) for tokens in programs]),
+        _range(steps),
+        {bucket: found[bucket] for bucket in STEP_BUCKETS},
+        control,
+        {key: sum(key in pairs for pairs in asked) for key in PERCEPTION_KEYS},
+        {action: sum(action in found for found in words) for action in actions},
+        dict(_sizes(dataset)),
+    )
+
+
+def _range(values: Sequence[int]) -> tuple[int, float, int]:
+    return min(values), float(np.mean(values)), max(values)
+
+
+def _sizes(dataset: Dataset) -> list[tuple[str, float]]:
+    sizes = [("tasks.parquet", (dataset.folder / "tasks.parquet").stat().st_size / len(dataset))]
+    per_part = dataset.identity.get("part", 100)
+    for room in ("frames", "traces"):
+        files = list((dataset.folder / room).glob("*.parquet"))
+        if files:
+            sizes.append((room, sum(f.stat().st_size for f in files) / (len(files) * per_part)))
+    return sizes
+
+
+def check(dataset: Dataset, count: int, robot: MemoRobot) -> list[str]:
+    """Run a sample of tasks again; what differs from the data set, a line each.
+
+    Args:
+        dataset: whose tasks.
+        count: how many, evenly spread.
+        robot: where they run.
+    """
+    positions = np.linspace(0, len(dataset) - 1, min(count, len(dataset))).round().astype(int)
+    faults = []
+    for position in positions:
+        row = dataset.rows[int(position)]
+        states = [WorldState.from_json(state) for state in row["states"]]
+        try:
+            for state, _ in zip(states, run_again(row, robot), strict=True):
+                if not _same(robot.state(), state):
+                    raise DatasetError(f"task {row['index']} does not end as it did")
+        except DatasetError as fault:
+            faults.append(str(fault))
+    return faults
+
+
+def _same(a: WorldState, b: WorldState) -> bool:
+    """Equal but for what is lost where numbers are stored with 32 bits."""
+    return str(_rounded(a)) == str(_rounded(b))
+
+
+def _rounded(state: WorldState) -> Any:
+    def rounded(value: Any) -> Any:
+        return round(value, 1) if isinstance(value, float) else value
+
+    value = state.to_json()
+    things = [{key: rounded(v) for key, v in thing.items()} for thing in value.pop("things")]
+    return {key: rounded(v) for key, v in value.items()}, [sorted(thing.items()) for thing in things]
