@@ -17,7 +17,8 @@ from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
-from evaps.tasks.generate import choose_scenes
+from evaps.tasks.generate import draft_task
+from evaps.tasks.questions import OpenProgram
 from evaps.tasks.task import EXAMPLES, Example, Task, save_task
 
 FOLDER = Path("examples/tasks")
@@ -48,9 +49,10 @@ def make_task(name: str, program: Program, robot: MemoRobot) -> Task:
     """A task of the program: the first scenes of the seed on which it halts and takes every branch."""
     rng = np.random.default_rng(SEED)
     while True:
-        runs = choose_scenes(program, [random_scene(rng) for _ in range(40)], robot)
-        if runs is not None:
-            examples = [Example(r.scene, r.trace.observations[-1]) for r in runs[:EXAMPLES]]
+        scenes = [random_scene(rng) for _ in range(40)]
+        draft = draft_task(OpenProgram(program, is_open=False), scenes, robot, rng)
+        if draft is not None:
+            examples = list(map(Example, draft.scenes[:EXAMPLES], draft.last))
             return Task(name, tuple(examples))
 
 

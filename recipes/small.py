@@ -15,6 +15,7 @@ from pathlib import Path
 from evaps.evaluate import evaluate
 from evaps.models import SHIPPED
 from evaps.report import difference_line, summary_table
+from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
 from evaps.train import train
 from evaps.train.scale import SCALES
@@ -28,7 +29,7 @@ TEST_TASKS = 1_000
 
 def make_data() -> None:
     """`evaps generate data/small --tasks 20000 --seed 0`: 35 minutes."""
-    generate(DATA, SCALES["small"].tasks, SEED, workers=2)
+    generate(DATA, SCALES["small"].tasks, SEED, Workers(2))
 
 
 def make_checkpoints() -> None:

@@ -11,6 +11,7 @@ import pytest
 from evaps.dsl import Program, UserError
 from evaps.evaluate import evaluate
 from evaps.models.checkpoint import CheckpointError
+from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
 from evaps.tasks.dataset import Dataset
 from evaps.train import train
@@ -25,7 +26,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("pipeline") / "data"
-    generate(folder, 60, 5, workers=1, part=20)
+    generate(folder, 60, 5, workers=Workers(1), part=20)
     return folder
 
 
@@ -33,7 +34,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def model(data: Path) -> Path:
     out = data.parent / "run"
     for method in ("encoder", "lgrl", "evaps"):
-        train(method, data, out, "smoke", workers=1)
+        train(method, data, out, "smoke", workers=Workers(1))
     return out
 
 
@@ -64,7 +65,9 @@ def test_another_seed_does_not_go_on_with_it(data: Path, model: Path) -> None:
 
 def test_an_evaluation_is_the_same_again(data: Path, model: Path, tmp_path: Path) -> None:
     tasks = len(Dataset(data).split("test"))
-    paths = [evaluate(data, tmp_path / f"{n}.parquet", str(model), top_k=4, workers=n) for n in (0, 1)]
+    paths = [
+        evaluate(data, tmp_path / f"{n}.parquet", str(model), top_k=4, workers=Workers(n)) for n in (0, 1)
+    ]
     one, two = (pq.read_table(path).drop_columns(TIMES).to_pylist() for path in paths)
     assert one == two
     assert len(one) == 2 * 4 * tasks
@@ -80,10 +83,12 @@ def test_a_synthesizer_is_judged_without_a_repairer(data: Path, model: Path, tmp
     alone.mkdir()
     for name in ("encoder", "lgrl"):
         (alone / name).symlink_to(model / name)
-    rows = evaluate(data, tmp_path / "rows.parquet", str(alone), ("lgrl",), tasks=1, top_k=2, workers=0)
+    rows = evaluate(
+        data, tmp_path / "rows.parquet", str(alone), ("lgrl",), tasks=1, top_k=2, workers=Workers(0)
+    )
     assert pq.read_table(rows)["method"].to_pylist() == ["lgrl", "lgrl"]
     with pytest.raises(CheckpointError, match="evaps"):
-        evaluate(data, tmp_path / "no.parquet", str(alone), ("lgrl", "evaps"), tasks=1, workers=0)
+        evaluate(data, tmp_path / "no.parquet", str(alone), ("lgrl", "evaps"), tasks=1, workers=Workers(0))
 
 
 def test_synthesize_answers_in_json_and_writes_the_page(model: Path, tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from evaps.models.compute import precision
 from evaps.robots.base import state_match
 from evaps.robots.frames import frame_match
 from evaps.robots.memo import MemoRobot
-from evaps.robots.workers import Workers
+from evaps.robots.workers import TWO, Workers
 from evaps.synthesis.repair import synthesize_with
 from evaps.synthesis.solution import Solution
 from evaps.tasks.dataset import SPLITS, Dataset, TaskPart, rows_bytes, table_bytes, task_parts
@@ -172,7 +172,7 @@ def evaluate(
     tasks: int = 1000,
     top_k: int = 20,
     rounds: int = 5,
-    workers: Workers = Workers(2),
+    workers: Workers = TWO,
 ) -> Path:
     """Judge methods on the first tasks of a split, or go on where it was interrupted.
 

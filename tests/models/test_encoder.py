@@ -9,8 +9,8 @@ import torch
 from evaps.dsl.sampler import ACTIONS
 from evaps.models.encoder import Encoder, EncoderConfig, TransitionModel
 from evaps.robots.base import Pose, Scene
-from evaps.robots.frames import RgbFrame
 from evaps.robots.doom import DoomRobot
+from evaps.robots.frames import RgbFrame
 from evaps.synthesis.features import embed, stack_frames
 from evaps.tasks.frames import pack_frame, rgbd, unpack_frame
 from evaps.tasks.walks import LENGTH, Walks, generate_walks

@@ -25,25 +25,35 @@ def random_run(robot: MemoRobot, seed: int) -> tuple[tuple[str, ...], bytes, Wor
     return trace.actions, trace.observations[-1].rgb.tobytes(), robot.state(), simulated
 
 
-def run_and_lose_the_engine_once(
-    robot: MemoRobot, item: tuple[int, Path]
-) -> tuple[tuple[str, ...], bytes, WorldState, int]:
+Outcome = tuple[tuple[str, ...], bytes, WorldState, int]
+
+
+def lose_the_engine_once(robot: MemoRobot, item: tuple[int, Path]) -> Outcome:
     """The same; the first time that an item is done, the engine is killed before it."""
+    seed, marker = item
+    if not marker.exists():
+        marker.touch()
+        robot.reset(random_scene(np.random.default_rng(99)))
+        for engine in find_engines(os.getpid()):
+            os.kill(engine, signal.SIGKILL)
+        robot.forget()
+    return random_run(robot, seed)
+
+
+def die_once(robot: MemoRobot, item: tuple[int, Path]) -> Outcome:
+    """The same; whoever is the first to come to a marker is killed in the middle of it."""
     seed, marker = item
     robot.reset(random_scene(np.random.default_rng(99)))
     if not marker.exists():
         marker.touch()
-        for engine in find_engines(os.getpid()):
-            os.kill(engine, signal.SIGKILL)
+        os.kill(os.getpid(), signal.SIGKILL)
+    robot.forget()
     return random_run(robot, seed)
 
 
-def lose_the_engine(robot: MemoRobot, seed: int) -> None:
-    """An item that no engine survives."""
-    robot.reset(random_scene(np.random.default_rng(seed)))
-    for engine in find_engines(os.getpid()):
-        os.kill(engine, signal.SIGKILL)
-    robot.act("ATTACK")
+def die(robot: MemoRobot, seed: int) -> None:
+    """An item that no worker survives."""
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def fail(robot: MemoRobot, item: int) -> None:

@@ -7,17 +7,21 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.robots import doom
 from evaps.robots.base import EngineError, Pose, Scene, SceneError, Thing, WorldState
+from evaps.robots.doom import TICS, DoomRobot
+from evaps.robots.engine import Engine, check_wad
 from evaps.robots.frames import frame_match
-from evaps.robots.doom import TICS, DoomRobot, check_wad
 from evaps.robots.scenes import random_scene, validate
 from evaps.robots.wad import KINDS, RADII, arena_wad
 
@@ -153,6 +157,85 @@ for action in [None, *{self.ACTIONS}]:
             robot.act(action)
             here.append(digest(robot))
         assert there.stdout.split() == here
+
+
+class TestLooks:
+    """A view is rendered when somebody looks, and who looked before makes no difference."""
+
+    WALKS, LENGTH = 12, 8
+
+    def walks(self) -> Iterator[tuple[Scene, list[str]]]:
+        rng = np.random.default_rng(5)
+        for _ in range(self.WALKS):
+            start = random_scene(rng)
+            clips = [t for t in start.things if t.kind == "Clip"]
+            if clips:  # begin close to one, so that some are picked up
+                start = Scene(Pose(max(-480, clips[0].x - 60), clips[0].y, 0), start.things)
+            with suppress(SceneError):
+                validate(start)
+                shares = [0.35, 0.1, 0.1, 0.1, 0.1, 0.1, 0.15]
+                yield start, [str(a) for a in rng.choice(list(TICS), self.LENGTH, p=shares)]
+
+    def test_looking_once_or_always_shows_the_same(self, robot: DoomRobot) -> None:
+        picked_up = 0
+        for start, actions in self.walks():
+            seen = []
+            play(robot, start)
+            for action in actions:
+                robot.act(action)
+                robot._fired = True  # so that two frames are rendered, and the number must be right
+                seen.append((digest(robot), robot.fingerprint()))
+            for lengths in (range(1, self.LENGTH + 1), (3, self.LENGTH), (self.LENGTH,)):
+                robot.reset(start)
+                for length, action in enumerate(actions, start=1):
+                    robot.act(action)
+                    if length in lengths:
+                        assert (digest(robot), robot.fingerprint()) == seen[length - 1]
+            picked_up += len(robot.state().things) < len(start.things)
+        assert picked_up > 1
+
+    def test_what_nobody_looks_at_is_not_rendered(
+        self, robot: DoomRobot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        rendered = []
+        render = robot._render
+        monkeypatch.setattr(robot, "_render", lambda game: rendered.append(1) or render(game))
+        robot.reset(crowded_scene(0))
+        for action in TICS:
+            robot.act(action)
+        assert not rendered
+        for _ in range(2):
+            robot.state(), robot.observe(), robot.perceive("ISTHERE Demon"), robot.fingerprint()
+        assert len(rendered) == 1
+
+
+def test_worlds_with_the_same_fingerprint_go_on_the_same_way(robot: DoomRobot) -> None:
+    """The measurement behind the merging of places: 2,651 pairs like these never differed."""
+    rng = np.random.default_rng(0)
+    pairs = 0
+    for _ in range(12):
+        start = random_scene(rng)
+        actions = [str(a) for a in rng.choice(list(TICS), 4)]
+        ways: dict[object, list[str]] = {}
+        for way in (
+            [*actions],
+            [*actions, "TURN_LEFT", "TURN_RIGHT"],
+            *map(list, map(rng.permutation, [actions] * 4)),
+        ):
+            play(robot, start, *way)
+            other = ways.setdefault((robot.fingerprint(), digest(robot)), way)
+            if other != way:
+                further = [str(a) for a in rng.choice(list(TICS), 5)]
+                trails = []
+                for begin in (way, other):
+                    play(robot, start, *begin)
+                    trails.append([])
+                    for action in further:
+                        robot.act(action)
+                        trails[-1].append((digest(robot), robot.fingerprint(), seen(robot), robot.state()))
+                assert trails[0] == trails[1]
+                pairs += 1
+    assert pairs > 10
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -313,35 +396,147 @@ def test_without_a_scene_there_is_nothing_to_do(call: Callable[[DoomRobot], obje
     robot.close()
 
 
-class TestDeath:
-    def kill(self, engines: Engines, before: set[int]) -> None:
-        (engine,) = engines(os.getpid()) - before
-        os.kill(engine, signal.SIGKILL)
+PATH = ("TURN_LEFT", "MOVE_FORWARD", "ATTACK", "MOVE_LEFT")
 
-    @pytest.mark.parametrize("call", [lambda r: r.act("ATTACK"), lambda r: r.reset(Scene(ORIGIN))])
-    def test_a_dead_engine_is_told_and_replaced(
-        self, engines: Engines, call: Callable[[DoomRobot], None]
+
+@pytest.fixture(scope="module")
+def expected(robot: DoomRobot) -> tuple[list[str], WorldState]:
+    """What is seen on the way, and the state in the end, of a robot that nothing happens to."""
+    robot.reset(crowded_scene(3))
+    seen = [digest(robot)]
+    for action in PATH:
+        robot.act(action)
+        seen.append(digest(robot))
+    return seen, robot.state()
+
+
+class TestDeath:
+    """Engines that die, hang or grow: nobody outside notices."""
+
+    def engine_of(self, robot: DoomRobot) -> int:
+        assert robot._engine is not None
+        assert robot._engine.pid is not None
+        return robot._engine.pid
+
+    def kill(self, robot: DoomRobot) -> int:
+        pid = self.engine_of(robot)
+        os.kill(pid, signal.SIGKILL)
+        return pid
+
+    @pytest.mark.parametrize("moment", range(5))
+    def test_a_dead_engine_is_replaced(
+        self, engines: Engines, expected: tuple[list[str], WorldState], moment: int
     ) -> None:
-        others, start = engines(os.getpid()), crowded_scene(3)
+        others = engines(os.getpid())
         robot = DoomRobot()
-        robot.reset(start)
-        view = robot.observe()
-        self.kill(engines, others)
-        with pytest.raises(EngineError, match="engine has died") as error:
-            call(robot)
-        assert "\n" not in str(error.value)
-        with pytest.raises(EngineError, match="call reset"):
-            robot.act("ATTACK")
-        robot.reset(start)
-        assert frame_match(robot.observe(), view)
+        robot.reset(crowded_scene(3))
+        seen = []
+        for step, action in enumerate((*PATH, None)):
+            if step == moment:
+                self.kill(robot)
+            seen.append(digest(robot))
+            if action is not None:
+                robot.act(action)
+        assert (seen, robot.state()) == expected
+        assert len(engines(os.getpid())) == len(others) + 1
         robot.close()
         assert engines(os.getpid()) == others
+
+    def test_an_engine_that_dies_in_the_middle_of_an_action_is_replaced(
+        self, expected: tuple[list[str], WorldState]
+    ) -> None:
+        robot = DoomRobot()
+        robot.reset(crowded_scene(3))
+        pid = self.engine_of(robot)
+        for action in PATH[:-1]:
+            robot.act(action)
+        os.kill(pid, signal.SIGSTOP)  # so that it is in the middle of the action for certain
+        killer = threading.Timer(0.3, os.kill, (pid, signal.SIGKILL))
+        killer.start()
+        robot.act(PATH[-1])
+        killer.join()
+        assert (digest(robot), robot.state()) == (expected[0][-1], expected[1])
+        assert self.engine_of(robot) != pid
+        robot.close()
+
+    def test_an_engine_that_hangs_is_replaced(self, expected: tuple[list[str], WorldState]) -> None:
+        robot = DoomRobot(time_limit=0.5)
+        robot.reset(crowded_scene(3))
+        pid = self.engine_of(robot)
+        os.kill(pid, signal.SIGSTOP)
+        for action in PATH:
+            robot.act(action)
+        assert (digest(robot), robot.state()) == (expected[0][-1], expected[1])
+        assert self.engine_of(robot) != pid
+        robot.close()
+
+    def test_an_engine_that_grows_is_replaced(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        robot = DoomRobot()
+        robot.reset(crowded_scene(3))
+        assert robot._engine is not None
+        assert 1 << 20 < robot._engine.memory < doom.MEMORY_LIMIT
+        pid, view = self.engine_of(robot), digest(robot)
+        monkeypatch.setattr(doom, "CHECK_MEMORY_EVERY", 1)
+        robot.reset(crowded_scene(3))
+        assert self.engine_of(robot) == pid
+        monkeypatch.setattr(doom, "MEMORY_LIMIT", 1 << 20)
+        robot.reset(crowded_scene(3))
+        assert self.engine_of(robot) != pid
+        assert digest(robot) == view
+        robot.close()
+
+    def test_a_robot_whose_engines_all_die_says_so(
+        self, engines: Engines, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        others = engines(os.getpid())
+        robot = DoomRobot()
+        robot.reset(Scene(ORIGIN))
+        started = []
+
+        def dead_at_once(limit: float) -> Engine:
+            started.append(Engine(limit))
+            os.kill(started[-1].pid or 0, signal.SIGKILL)
+            return started[-1]
+
+        monkeypatch.setattr(doom, "Engine", dead_at_once)
+        self.kill(robot)
+        with pytest.raises(EngineError, match="engine has died") as error:
+            robot.act("ATTACK")
+        assert "\n" not in str(error.value)
+        assert len(started) == doom.TRIES - 1
+        monkeypatch.undo()
+        robot.act("TURN_LEFT")  # behind the shot, which was not lost
+        assert robot.state().ammo == 49
+        robot.close()
+        assert engines(os.getpid()) == others
+
+    def test_after_an_interruption_nothing_is_half_done(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        robot = DoomRobot()
+        robot.reset(crowded_scene(3))
+        robot.act("TURN_LEFT")
+        press = robot._press
+
+        def interrupted(game: object, action: str) -> None:
+            game.set_action(doom.PRESSED[action])  # type: ignore[attr-defined]
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(robot, "_press", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            robot.act("ATTACK")
+        monkeypatch.setattr(robot, "_press", press)
+        view = digest(robot)
+        assert robot.state().ammo == 49
+        robot.reset(crowded_scene(3))
+        robot.act("TURN_LEFT")
+        robot.act("ATTACK")
+        assert digest(robot) == view
+        robot.close()
 
     def test_a_dead_engine_can_be_closed(self, engines: Engines) -> None:
         others = engines(os.getpid())
         robot = DoomRobot()
         robot.reset(Scene(ORIGIN))
-        self.kill(engines, others)
+        self.kill(robot)
         robot.close()
         assert engines(os.getpid()) == others
 

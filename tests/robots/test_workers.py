@@ -6,66 +6,88 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
 import pytest
-from robot_jobs import fail, lose_the_engine, random_run, run_and_lose_the_engine_once
+from robot_jobs import die, die_once, fail, lose_the_engine_once, random_run
 
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.base import EngineError
-from evaps.robots.workers import robot_map
+from evaps.robots.workers import RobotConfig, Workers, robot_map
 
 Engines = Callable[[int], set[int]]
 ITEMS = range(12)
+CONFIG = RobotConfig(PERCEPTION_KEYS)
 
 
 @pytest.fixture(scope="module")
 def expected() -> dict[int, Any]:
     """What this process makes of the items."""
-    return dict(robot_map(random_run, ITEMS, 0, PERCEPTION_KEYS))
+    return dict(robot_map(random_run, ITEMS, Workers(0), CONFIG))
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_the_number_of_workers_does_not_matter(expected: dict[int, Any], workers: int) -> None:
-    results = list(robot_map(random_run, ITEMS, workers, PERCEPTION_KEYS))
+    results = list(robot_map(random_run, ITEMS, Workers(workers), CONFIG))
     assert sorted(item for item, _ in results) == list(ITEMS)
     assert dict(results) == expected
 
 
 def test_items_know_nothing_of_one_another(expected: dict[int, Any]) -> None:
-    again = list(robot_map(random_run, [3, 3, 0, 3], 0, PERCEPTION_KEYS))
+    again = list(robot_map(random_run, [3, 3, 0, 3], Workers(0), CONFIG))
     assert again == [(item, expected[item]) for item in (3, 3, 0, 3)]
 
 
 @pytest.mark.parametrize("workers", [0, 2])
 def test_an_engine_that_dies_is_replaced(expected: dict[int, Any], tmp_path: Path, workers: int) -> None:
     items = [(seed, tmp_path / f"marker{seed}") for seed in range(3)]
-    results = dict(robot_map(run_and_lose_the_engine_once, items, workers, PERCEPTION_KEYS))
+    results = dict(robot_map(lose_the_engine_once, items, Workers(workers), CONFIG))
     assert all(marker.exists() for _, marker in items)
-    assert {seed: result[:3] for (seed, _), result in results.items()} == {
-        seed: expected[seed][:3] for seed in range(3)
-    }
+    assert {seed: result for (seed, _), result in results.items()} == {s: expected[s] for s in range(3)}
 
 
-@pytest.mark.parametrize("workers", [0, 1])
-def test_an_item_that_kills_every_engine_is_told(engines: Engines, workers: int) -> None:
-    with pytest.raises(EngineError, match="engine has died"):
-        list(robot_map(lose_the_engine, [0], workers, PERCEPTION_KEYS))
+def test_a_worker_that_dies_is_replaced(engines: Engines, expected: dict[int, Any], tmp_path: Path) -> None:
+    """Killed with its items, and so that it can close nothing: its engine must not stay behind."""
+    others = engines(os.getpid())
+    items = [(seed, tmp_path / f"marker{seed % 4}") for seed in ITEMS]  # four of them kill their worker
+    results = dict(robot_map(die_once, items, Workers(2), CONFIG))
+    assert len(list(tmp_path.iterdir())) == 4
+    assert {seed: result for (seed, _), result in results.items()} == expected
+    assert engines(os.getpid()) == others
+    assert wait_for(lambda: not orphans(), 10)
+
+
+def orphans() -> set[int]:
+    """Engines of this session whose parents are gone."""
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            name, _, rest = path.read_text().partition("(")[2].rpartition(")")
+            state, parent, _, session = rest.split()[:4]
+            if name == "vizdoom" and parent == "1" and state != "Z" and int(session) == os.getsid(0):
+                found.add(int(path.parent.name))
+    return found
+
+
+def test_an_item_that_kills_every_worker_is_told() -> None:
+    with pytest.raises(EngineError, match="workers have died 3 times in turn"):
+        list(robot_map(die, [0], Workers(1), CONFIG))
 
 
 @pytest.mark.parametrize("workers", [0, 1])
 def test_an_error_in_an_item_comes_out(workers: int) -> None:
     with pytest.raises(LookupError, match="item 5 cannot be done"):
-        list(robot_map(fail, [5], workers, PERCEPTION_KEYS))
+        list(robot_map(fail, [5], Workers(workers), CONFIG))
 
 
 def test_items_without_end_are_drawn_as_they_are_needed(engines: Engines) -> None:
     others = engines(os.getpid())
     drawn: list[int] = []
     items = (drawn.append(i) or i for i in count())  # type: ignore[func-returns-value]
-    results = robot_map(random_run, items, 1, PERCEPTION_KEYS)
+    results = robot_map(random_run, items, Workers(1), CONFIG)
     assert len(list(islice(results, 3))) == 3
     assert len(drawn) < 8
     results.close()  # type: ignore[attr-defined]
@@ -75,12 +97,13 @@ def test_items_without_end_are_drawn_as_they_are_needed(engines: Engines) -> Non
 SCRIPT = """
 import sys
 sys.path.append(sys.argv[1])
-from evaps.robots.workers import robot_map
+from evaps.robots.workers import RobotConfig, Workers, robot_map
 from robot_jobs import play_for_ever
 
 if __name__ == "__main__":
     try:
-        list(robot_map(play_for_ever, range(0, 10**6, 1000), int(sys.argv[2]), ("ISTHERE Demon",)))
+        workers, config = Workers(int(sys.argv[2])), RobotConfig(("ISTHERE Demon",))
+        list(robot_map(play_for_ever, range(0, 10**6, 1000), workers, config))
     except KeyboardInterrupt:
         sys.exit(130)
 """

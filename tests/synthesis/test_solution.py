@@ -8,8 +8,8 @@ import pytest
 from evaps.dsl import Program, run
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.base import Pose, Scene, Thing
-from evaps.robots.frames import frame_match
 from evaps.robots.doom import DoomRobot
+from evaps.robots.frames import frame_match
 from evaps.robots.memo import MemoRobot
 from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt, best_first
 from evaps.tasks.task import Example, Task

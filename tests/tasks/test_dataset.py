@@ -13,10 +13,12 @@ import pytest
 from evaps.dsl import Program
 from evaps.robots.base import state_match
 from evaps.robots.memo import MemoRobot
+from evaps.robots.workers import Workers
 from evaps.synthesis.solution import attempt
-from evaps.tasks.build import generate, render
+from evaps.tasks.build import generate
 from evaps.tasks.dataset import Dataset, DatasetError, split_of, task_parts
 from evaps.tasks.frames import unpack_frame
+from evaps.tasks.render import render
 
 TASKS, PART, SEED = 18, 6, 7
 
@@ -31,7 +33,7 @@ def files(folder: Path) -> dict[str, str]:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data set in three parts; tests that change it make a copy."""
     path = tmp_path_factory.mktemp("data") / "set"
-    assert generate(path, TASKS, SEED, workers=2, part=PART) == TASKS
+    assert generate(path, TASKS, SEED, workers=Workers(2), part=PART) == TASKS
     return path
 
 
@@ -41,7 +43,7 @@ def copy(folder: Path, tmp_path: Path) -> Path:
 
 
 def test_one_worker_writes_the_same_bytes_as_two(folder: Path, tmp_path: Path) -> None:
-    generate(tmp_path / "other", TASKS, SEED, workers=1, part=PART)
+    generate(tmp_path / "other", TASKS, SEED, workers=Workers(1), part=PART)
     names = [f"{room}-0000{n}.parquet" for n in range(3) for room in ("frames/frames", "parts/tasks")]
     assert sorted(files(folder)) == sorted(["dataset.json", "tasks.parquet", *names])
     assert files(tmp_path / "other") == files(folder)
@@ -55,7 +57,7 @@ def test_a_part_that_is_missing_is_made_again(folder: Path, copy: Path) -> None:
     before = kept.stat().st_mtime_ns
     with pytest.raises(DatasetError, match="no complete data set; make one with: evaps generate"):
         Dataset(copy)
-    assert generate(copy, TASKS, SEED, workers=0, part=PART) == TASKS
+    assert generate(copy, TASKS, SEED, workers=Workers(0), part=PART) == TASKS
     assert files(copy) == files(folder)
     assert kept.stat().st_mtime_ns == before
 
@@ -64,28 +66,28 @@ def test_shards_add_up_to_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     whole = tmp_path / "whole"
     for share in (1, 2):
         shard = tmp_path / f"shard{share}"
-        generate(shard, TASKS, SEED, workers=0, part=PART, shard=(share, 2))
+        generate(shard, TASKS, SEED, workers=Workers(0), part=PART, shard=(share, 2))
         assert not (shard / "tasks.parquet").exists()
         shutil.copytree(shard, whole, dirs_exist_ok=True)
     assert len(list(whole.glob("parts/*"))) == 4  # one more than is needed
-    generate(whole, TASKS, SEED, workers=0, part=PART)
+    generate(whole, TASKS, SEED, workers=Workers(0), part=PART)
     assert files(whole) == files(folder)
 
 
 def test_frames_that_were_left_out_are_rendered_to_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     bare = tmp_path / "bare"
-    generate(bare, TASKS, SEED, workers=0, part=PART, frames=False)
+    generate(bare, TASKS, SEED, workers=Workers(0), part=PART, frames=False)
     assert not (bare / "frames").exists()
     with pytest.raises(DatasetError, match="evaps render"):
         list(Dataset(bare).frames([0]))
-    assert render(bare, workers=1) == TASKS
+    assert render(bare, workers=Workers(1)) == TASKS
     assert files(bare) == files(folder)
 
 
 def test_fewer_tasks_than_there_are_do_not_throw_any_away(copy: Path) -> None:
     before = files(copy)
     with pytest.raises(DatasetError, match=f"is for {TASKS} tasks"):
-        generate(copy, TASKS - 1, SEED, workers=0, part=PART)
+        generate(copy, TASKS - 1, SEED, workers=Workers(0), part=PART)
     assert files(copy) == before
 
 
@@ -96,7 +98,7 @@ def test_where_a_program_comes_twice_one_more_is_made(folder: Path, copy: Path) 
     twice = pa.array([first, *table["program"].to_pylist()[1:]])
     at = table.schema.get_field_index("program")
     pq.write_table(table.set_column(at, "program", twice), path)
-    assert generate(copy, TASKS, SEED, workers=0, part=PART) == TASKS + PART
+    assert generate(copy, TASKS, SEED, workers=Workers(0), part=PART) == TASKS + PART
     rows, before = Dataset(copy).rows, Dataset(folder).rows
     assert [row["index"] for row in rows] == [i for i in range(TASKS + 1) if i != 2 * PART]
     assert rows[: 2 * PART] == before[: 2 * PART]
@@ -185,5 +187,5 @@ def test_a_foreign_folder_is_refused_and_left_alone(
 ) -> None:
     (tmp_path / name).write_text(content)
     with pytest.raises(DatasetError, match=message):
-        generate(tmp_path, TASKS, SEED, workers=0)
+        generate(tmp_path, TASKS, SEED, workers=Workers(0))
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, content)]

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from evaps.robots.base import Pose, Scene, Thing
-from evaps.robots.frames import PaletteFrame, RgbFrame, frame_match
 from evaps.robots.doom import doom_palette
+from evaps.robots.frames import PaletteFrame, RgbFrame, frame_match
 from evaps.robots.memo import MemoRobot
 from evaps.tasks.frames import pack_frame, rgbd, unpack_frame
 

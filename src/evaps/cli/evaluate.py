@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Annotated, ClassVar
+
+from tyro.conf import arg
 
 from evaps.cli.command import Command
-from evaps.cli.generate import available_cores
 from evaps.cli.inputs import File, Folder, check_least, check_writable
+from evaps.cli.workers import Engine, available_cores, workers_from
 from evaps.dsl import UserError
 
 
@@ -39,13 +41,18 @@ class Evaluate(Command):
     """How often a candidate is repaired at most."""
     workers: int = field(default_factory=available_cores)
     """Processes; by default one a core."""
+    engine: Engine = "local"
+    """Where they run: local processes, or a Ray cluster, whose nodes need the model."""
+    address: Annotated[str | None, arg(metavar="ADDRESS")] = None
+    """Of a running Ray cluster; else RAY_ADDRESS, else one is started on this machine."""
 
     def run(self) -> None:
         """Evaluate, with progress on standard error, and print the table."""
         if self.out.suffix != ".parquet":
             raise UserError(f"--out must end in .parquet, not {self.out.name!r}")
         numbers = {"tasks": (self.tasks, 1), "top_k": (self.top_k, 1), "rounds": (self.rounds, 0)}
-        check_least(**numbers, workers=(self.workers, 0))
+        check_least(**numbers)
+        workers = workers_from(self.workers, self.engine, self.address)
         check_writable(self.out)
         from evaps.evaluate import evaluate
         from evaps.report import summary_table
@@ -59,6 +66,6 @@ class Evaluate(Command):
             self.tasks,
             self.top_k,
             self.rounds,
-            self.workers,
+            workers,
         )
         print(summary_table(self.out))

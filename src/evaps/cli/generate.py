@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
@@ -10,12 +9,8 @@ from tyro.conf import Positional, arg
 
 from evaps.cli.command import Command
 from evaps.cli.inputs import Folder, check_least, writing
+from evaps.cli.workers import Engine, available_cores, workers_from
 from evaps.dsl import UserError
-
-
-def available_cores() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
@@ -34,24 +29,28 @@ class Generate(Command):
     seed: int = 0
     """Of everything random, from 0."""
     workers: int = field(default_factory=available_cores)
-    """Processes that simulate, each with an engine; by default one a core. 0 works in this process."""
+    """Processes that simulate, each with engines; by default one a core. 0 works in this process."""
+    engine: Engine = "local"
+    """Where they run: local processes, or a Ray cluster."""
+    address: Annotated[str | None, arg(metavar="ADDRESS")] = None
+    """Of a running Ray cluster; else RAY_ADDRESS, else one is started on this machine."""
     shard: Annotated[str, arg(metavar="I/N")] = "1/1"
-    """Make the I-th of N shares of the parts, for several machines. Copy all shares into one folder and
-    generate once more without this: that makes what is missing and joins them."""
+    """Make the I-th of N shares of the parts, for several machines. Copy the parts and frames of all shares
+    into one folder and generate once more without this: that makes what is missing and joins them."""
     no_frames: bool = False
     """Leave out the first and last observations; `evaps render` makes them later."""
 
     def run(self) -> None:
         """Generate, with progress on standard error."""
         shard = read_shard(self.shard)
-        check_least(tasks=(self.tasks, 1), seed=(self.seed, 0), workers=(self.workers, 0))
+        check_least(tasks=(self.tasks, 1), seed=(self.seed, 0))
+        workers = workers_from(self.workers, self.engine, self.address)
         from evaps.tasks.build import generate
 
         with writing(self.out):
             self.out.mkdir(parents=True, exist_ok=True)
-            indices = generate(
-                self.out, self.tasks, self.seed, self.workers, shard=shard, frames=not self.no_frames
-            )
+            frames = not self.no_frames
+            indices = generate(self.out, self.tasks, self.seed, workers, shard=shard, frames=frames)
         if shard[1] > 1:
             print(f"{self.out}: share {self.shard}, {indices} tasks")
         else:
@@ -72,7 +71,10 @@ def read_shard(text: str) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Render(Command):
-    """Make the frames of a data set that was generated with --no-frames, or go on with it."""
+    """Make the frames of a data set that was generated with --no-frames, or go on with it.
+
+    With --traces, those in the middle of each run too, which some methods learn from.
+    """
 
     stopped: ClassVar[str] = "stopped; nothing is lost: the same command goes on where it was"
 
@@ -80,11 +82,18 @@ class Render(Command):
     """Folder of the data set."""
     workers: int = field(default_factory=available_cores)
     """Processes that simulate; by default one a core."""
+    engine: Engine = "local"
+    """Where they run: local processes, or a Ray cluster."""
+    address: Annotated[str | None, arg(metavar="ADDRESS")] = None
+    """Of a running Ray cluster; else RAY_ADDRESS, else one is started on this machine."""
+    traces: bool = False
+    """All observations of the runs, with the perceptions that are true in them; 170 KB a task."""
 
     def run(self) -> None:
         """Render, with progress on standard error."""
-        check_least(workers=(self.workers, 0))
-        from evaps.tasks.build import render
+        workers = workers_from(self.workers, self.engine, self.address)
+        from evaps.tasks.render import render
 
         with writing(self.data):
-            print(f"{self.data}: {render(self.data, self.workers)} tasks with frames")
+            tasks = render(self.data, workers, self.traces)
+        print(f"{self.data}: {tasks} tasks with {'traces' if self.traces else 'frames'}")

@@ -15,6 +15,7 @@ from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, OmitSubcommandPrefixe
 
 from evaps.cli.bench import Bench
 from evaps.cli.command import exit_status
+from evaps.cli.data import Data
 from evaps.cli.evaluate import Evaluate
 from evaps.cli.generate import Generate, Render
 from evaps.cli.make_task import MakeTask
@@ -28,6 +29,7 @@ AnyCommand: TypeAlias = (
     | Annotated[MakeTask, subcommand("make-task")]
     | Annotated[Generate, subcommand("generate")]
     | Annotated[Render, subcommand("render")]
+    | Annotated[Data, subcommand("data")]
     | Annotated[Train, subcommand("train")]
     | Annotated[Synthesize, subcommand("synthesize")]
     | Annotated[Evaluate, subcommand("evaluate")]

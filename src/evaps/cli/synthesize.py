@@ -105,11 +105,12 @@ def solve(tasks: Sequence[Task], model: Model, top_k: int, rounds: int) -> Itera
     from evaps.synthesis import synthesize_with
     from evaps.viewer import TaskReport
 
-    robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS)
+    robot = DoomRobot()
     try:
         for task in tasks:
-            robot.forget()
-            yield TaskReport(task, synthesize_with(model, task, robot, top_k, rounds))
+            memo = MemoRobot(robot, PERCEPTION_KEYS)  # lives as long as its views: the page shows them
+            yield TaskReport(task, synthesize_with(model, task, memo, top_k, rounds))
+            memo.leave()
     finally:
         robot.close()
 

@@ -8,8 +8,8 @@ from typing import Annotated, ClassVar
 from tyro.conf import Positional, arg
 
 from evaps.cli.command import Command
-from evaps.cli.generate import available_cores
 from evaps.cli.inputs import Folder, check_least, writing
+from evaps.cli.workers import available_cores, workers_from
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,10 @@ class Train(Command):
 
     def run(self) -> None:
         """Train, with progress on standard error."""
-        check_least(seed=(self.seed, 0), workers=(self.workers, 0))
+        check_least(seed=(self.seed, 0))
+        workers = workers_from(self.workers)
         from evaps.train import train
 
         with writing(self.out):
-            folder = train(self.method, self.data, self.out, self.scale, self.seed, self.workers)
+            folder = train(self.method, self.data, self.out, self.scale, self.seed, workers)
         print(f"{folder}: the checkpoint of {self.method}")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+import math
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any, TypeVar
 
 from evaps.robots.base import EngineError, Pose, Robot, Scene, ThingState, WorldState
 from evaps.robots.engine import BUTTONS, HEIGHT, MEMORY_LIMIT, TIME_LIMIT, WIDTH, Engine, doom_palette
 from evaps.robots.frames import Observation, PaletteFrame
 from evaps.robots.scenes import validate
-from evaps.robots.wad import PREFIX, RADII
+from evaps.robots.wad import CLIP, PREFIX, RADII, ROBOT_RADIUS
 
 ROBOT = "doom-v0"
 """Names the robot and its version, which rises when equal programs may come to show other frames."""
@@ -29,12 +30,12 @@ TICS = {
 TICS_BEFORE_TURN = 14  # in the first tics of an episode the engine takes no turn
 REST_AFTER_RESET = 40  # straight after a warp the view height is still wrong
 LAST_TICS = 2  # of a rest: they wait until it is known whether anybody looks
-BULLETS = 50  # at the start
+STEP = 42  # map units; no move is longer
+CLIP_REACH = RADII[CLIP] + ROBOT_RADIUS + 1  # on both axes
 PRESSED = {action: [float(action == other) for other in BUTTONS] + [0.0] for action in TICS}
 RELEASED = [0.0] * (len(BUTTONS) + 1)
 TRIES = 3  # engines, before a call gives up
 CHECK_MEMORY_EVERY = 200  # scenes
-_AMMO = 4  # its place among the engine's variables
 
 Result = TypeVar("Result")
 
@@ -77,7 +78,8 @@ class DoomRobot(Robot):
         self._path: list[str] = []  # the actions since the scene was set up
         self._done: int | None = None  # how many of them the engine has executed; None: no scene is set up
         self._waiting = 0  # tics of rest that it has not executed yet
-        self._shown, self._fired = BULLETS, False  # the number in the view, and whether it has changed since
+        self._fired = False  # since somebody last looked
+        self._to_clip = math.inf  # on the axis on which it is further; it may be more
         self._resets = 0
         self._seen: Any = None
         self._view: PaletteFrame | None = None
@@ -176,8 +178,7 @@ class DoomRobot(Robot):
         for tries_left in reversed(range(TRIES)):
             try:
                 self._engine = self._engine or Engine(self._time_limit)
-                with self._engine.turn() as game:
-                    return work(game)
+                return self._engine.call(work)
             except EngineError:
                 self._end_engine()
                 if not tries_left:
@@ -212,7 +213,9 @@ class DoomRobot(Robot):
         game.set_action([*RELEASED[:-1], -float(scene.robot.heading)])
         game.advance_action(1, False)
         self._rest(game, REST_AFTER_RESET)
-        self._shown, self._fired = BULLETS, False  # a new episode has a frame of its own, with its number
+        self._fired = False  # a new episode has a frame of its own, with the right number
+        clips = [(thing.x, thing.y) for thing in scene.things if thing.kind == CLIP]
+        self._to_clip = _furthest_axis(scene.robot.x, scene.robot.y, clips)
 
     def _press(self, game: Any, action: str) -> None:
         pressed, rest = TICS[action]
@@ -222,6 +225,8 @@ class DoomRobot(Robot):
         game.advance_action(pressed, False)
         self._rest(game, rest)
         self._fired = self._fired or action == "ATTACK"
+        if action.startswith("MOVE"):
+            self._to_clip -= STEP
 
     def _rest(self, game: Any, tics: int) -> None:
         """Let the world come to rest, but for the last tics: only if somebody looks are they rendered."""
@@ -233,32 +238,32 @@ class DoomRobot(Robot):
         """The engine's state with the current view, rendered when it is first asked for."""
         if self._seen is None:
             self._check_scene()
-            seen = self._on_engine(self._render)
-            if seen is None:  # it shows an old number: once more from the start
-                self._done = None
-                seen = self._on_engine(self._render)
-            self._seen = seen
+            self._seen = self._on_engine(self._render)
         return self._seen
 
     def _render(self, game: Any) -> Any:
-        """Render the last tic; None if the view shows an old number.
+        """Render the last tic; where the number of bullets may have changed, the last two.
 
-        The number of bullets in a view is that of the view before it. So where it has changed the last two
-        tics are rendered. After a shot that is known; a clip that was picked up is only seen in the end.
+        A view shows the number of the view before it. After a shot it has changed, and where a clip is so
+        near that it may have been picked up, it may have.
         """
-        replayed = self._done is None
         self._catch_up(game)
-        twice = self._fired or replayed
-        if self._waiting:
-            if twice:
-                game.advance_action(1, True)
-            game.advance_action(1 if twice else LAST_TICS, True)
-            self._waiting = 0
+        if self._fired or self._to_clip < CLIP_REACH:
+            game.advance_action(self._waiting - 1, True)
+            game.advance_action(1, True)
+        else:
+            game.advance_action(self._waiting, True)
+        self._waiting, self._fired = 0, False
         seen = game.get_state()
-        if seen.game_variables[_AMMO] != self._shown and not twice:
-            return None
-        self._shown, self._fired = seen.game_variables[_AMMO], False
+        clips = [(o.position_x, o.position_y) for o in seen.objects if o.name == CLIP]
+        x, y = seen.game_variables[:2]
+        self._to_clip = _furthest_axis(x, y, clips)
         return seen
+
+
+def _furthest_axis(x: float, y: float, places: Sequence[tuple[float, float]]) -> float:
+    """How far it is to the nearest of the places, on the axis on which that is further."""
+    return min((max(abs(x - px), abs(y - py)) for px, py in places), default=math.inf)
 
 
 def _on_centre(box: Any) -> bool:

@@ -11,11 +11,11 @@ import tempfile
 import threading
 import time
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import chdir, contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import psutil
@@ -32,6 +32,9 @@ VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "HEALTH", "AMMO2")
 MOTION = ("POSITION_Z", "VELOCITY_X", "VELOCITY_Y", "VELOCITY_Z", "VIEW_HEIGHT", "PITCH")
 TIME_LIMIT = 30.0  # seconds for a call that usually takes 0.001; longer, and the engine hangs
 MEMORY_LIMIT = 1 << 30  # bytes; it usually holds 0.1 GB
+
+
+Result = TypeVar("Result")
 
 
 class Engine:
@@ -56,30 +59,35 @@ class Engine:
         self._core = cores[os.getpid() % len(cores)] if cores else None
         if is_settled():
             self._core = None  # there is nothing to be changed for a turn
-        with _beside(self._core):  # its process inherits core and policy
+        before = None if self._core is None else _sit_down(self._core)  # its process inherits this
+        try:
             self.game = start_engine(wad)
+        finally:
+            if before is not None:
+                _stand_up(*before)
         self.pid = _pid_of(wad)
         self._watch = _Watch(self.pid, time_limit)
         self.close = weakref.finalize(self, _end, self.game, files, self._watch)
         """End the process."""
 
-    @contextmanager
-    def turn(self) -> Iterator[Any]:
-        """The ``vizdoom.DoomGame``, while this thread runs on the engine's own core, and not for too long.
+    def call(self, work: Callable[[Any], Result]) -> Result:
+        """Work on the ``vizdoom.DoomGame``, on the engine's own core, and for no longer than the limit.
 
         The two processes take turns, tic by tic: on one core a tic costs 14 us, across cores 57 us.
 
         Raises:
             EngineError: the engine has died, or was killed since it hung.
         """
-        with _beside(self._core):
-            self._watch.since = time.monotonic()
-            try:
-                yield self.game
-            except Exception as error:
-                raise EngineError(f"the ViZDoom engine has died ({_one_line(error)})") from error
-            finally:
-                self._watch.since = None
+        before = None if self._core is None else _sit_down(self._core)
+        self._watch.since = time.monotonic()
+        try:
+            return work(self.game)
+        except Exception as error:
+            raise EngineError(f"the ViZDoom engine has died ({_one_line(error)})") from error
+        finally:
+            self._watch.since = None
+            if before is not None:
+                _stand_up(*before)
 
     @property
     def memory(self) -> int:
@@ -144,20 +152,18 @@ def is_settled() -> bool:
     return len(os.sched_getaffinity(0)) == 1 and os.sched_getscheduler(0) != os.SCHED_OTHER
 
 
-@contextmanager
-def _beside(core: int | None) -> Iterator[None]:
-    """This thread settled on ``core``, and afterwards as it was; None changes nothing."""
-    if core is None:
-        yield
-        return
-    cores, policy = os.sched_getaffinity(0), os.sched_getscheduler(0)
-    try:
-        settle(core)
-        yield
-    finally:
-        os.sched_setaffinity(0, cores)
-        if policy != os.sched_getscheduler(0):
-            os.sched_setscheduler(0, policy, os.sched_param(0))
+def _sit_down(core: int) -> tuple[set[int], int]:
+    """Settle this thread; what it was before."""
+    before = os.sched_getaffinity(0), os.sched_getscheduler(0)
+    settle(core)
+    return before
+
+
+def _stand_up(cores: set[int], policy: int) -> None:
+    """Make this thread what it was before."""
+    os.sched_setaffinity(0, cores)
+    with suppress(OSError):
+        os.sched_setscheduler(0, policy, os.sched_param(0))
 
 
 def _one_line(error: BaseException) -> str:

@@ -119,10 +119,12 @@ class PackedFrame:
     @classmethod
     def of(cls, frame: Observation) -> PackedFrame:
         """Compress an observation."""
-        is_palette = isinstance(frame, PaletteFrame)
-        colours, palette = (frame.indices, frame.palette) if is_palette else (frame.rgb, None)
+        if isinstance(frame, PaletteFrame):
+            colours, palette = frame.indices, frame.palette
+        else:
+            colours, palette = frame.rgb, None
         data = _compressor().compress(colours.tobytes() + frame.depth.tobytes())
-        return cls(data, frame.depth.shape, palette)  # type: ignore[arg-type]
+        return cls(data, (frame.depth.shape[0], frame.depth.shape[1]), palette)
 
     def unpack(self) -> PaletteFrame | RgbFrame:
         """The observation, equal byte for byte."""

@@ -11,9 +11,9 @@ from gymnasium import spaces
 
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.base import Scene, SceneError
-from evaps.robots.frames import Image
 from evaps.robots.doom import TICS, DoomRobot
 from evaps.robots.engine import HEIGHT, WIDTH
+from evaps.robots.frames import Image
 from evaps.robots.scenes import random_scene
 
 ACTIONS = tuple(TICS)

@@ -88,7 +88,7 @@ class RememberedView:
         return self.frame.depth
 
 
-class Unsimulated(LookupError):
+class Unsimulated(LookupError):  # noqa: N818 - nothing is wrong
     """A memory that may not simulate was asked for what lies behind a place."""
 
     def __init__(self, node: Node, action: str) -> None:
@@ -122,7 +122,9 @@ class MemoRobot(Robot):
         spares: Sequence[Robot] = (),
     ) -> None:
         self.robot = robot
-        self._live: dict[Robot, tuple[Tree, Node] | None] = dict.fromkeys([robot, *spares])  # where each stands
+        self._live: dict[Robot, tuple[Tree, Node] | None] = dict.fromkeys(
+            [robot, *spares]
+        )  # where each stands
         self.perceptions = frozenset(perceptions)
         self.eager = eager
         self.simulated_actions = 0
@@ -199,11 +201,15 @@ class MemoRobot(Robot):
         self._trees.clear()
         self.frames.clear()
         self._tree = self._node = None
+        self.leave()
+
+    def leave(self) -> None:
+        """Leave the underlying robots to somebody else: they need not stand where they stood any more."""
         self._live = dict.fromkeys(self._live)
 
     def close(self) -> None:
         """Close the underlying robots; what is known stays known."""
-        self._live = dict.fromkeys(self._live)
+        self.leave()
         for robot in self._live:
             robot.close()
 
@@ -300,7 +306,7 @@ class MemoRobot(Robot):
         return 0 if at is None else len(at[1].actions)
 
     def _to_be_reset(self, tree: Tree) -> Robot:
-        """A robot that is in this scene, else one that is in none, else the one that was not used for longest."""
+        """A robot in this scene, else one that is in none, else the one that was not used for longest."""
         here = (robot for robot, at in self._live.items() if at is not None and at[0] is tree)
         nowhere = (robot for robot, at in self._live.items() if at is None)
         return next(here, None) or next(nowhere, None) or next(iter(self._live))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -80,7 +81,7 @@ def _connect(address: str | None) -> Any:
     except ImportError:
         raise UserError("ray is not installed; try: pip install 'evaps[cluster]'") from None
     try:
-        ray.init(address, log_to_driver=False, logging_level="ERROR", include_dashboard=False)
+        ray.init(address, log_to_driver=False, logging_level=logging.ERROR, include_dashboard=False)
     except (ConnectionError, ValueError) as error:
         reason = " ".join(str(error).split())[:200]
         raise UserError(f"there is no Ray cluster at {address!r}: {reason}") from None

@@ -13,8 +13,11 @@ Edge = tuple[Node, str]
 """An action that nobody has executed yet, and where."""
 
 
+USUAL_LIMITS = Limits()
+
+
 def run_together(
-    programs: Sequence[Program], scene: Scene, robot: MemoRobot, limits: Limits = Limits()
+    programs: Sequence[Program], scene: Scene, robot: MemoRobot, limits: Limits = USUAL_LIMITS
 ) -> list[Trace[Observation]]:
     """The traces of several programs from one scene: the same as one after the other, for less.
 

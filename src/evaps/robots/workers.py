@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing import connection
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from evaps.robots.base import EngineError, Scene
 from evaps.robots.doom import DoomRobot
@@ -24,7 +22,9 @@ from evaps.robots.memo import MemoRobot
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
+END_WITHIN = 10.0  # seconds that a worker has to end by itself
 _END = object()
+_SPAWN = multiprocessing.get_context("spawn")  # torch and forks do not go together
 TRIES = 3  # how often a worker may die in turn without anything being done
 BACKENDS = ("local", "ray")
 """Where workers run: processes on this machine, or a Ray cluster."""
@@ -43,6 +43,9 @@ class Workers:
     count: int
     backend: str = "local"
     address: str | None = None
+
+
+TWO = Workers(2)
 
 
 @dataclass(frozen=True)
@@ -94,71 +97,106 @@ def _process_map(
     function: Callable[[MemoRobot, Item], Result], items: Iterable[Item], workers: int, config: RobotConfig
 ) -> Iterator[tuple[Item, Result]]:
     source: Iterator[Any] = iter(items)
-    lost: deque[Any] = deque()  # what a worker was doing when it died
+    lost: list[Any] = []  # what workers were doing when they died
     deaths = 0
-    pool = _Pool[Item](workers)
+    stop = _SPAWN.RawValue("b", 0)  # without a lock, which a worker could take with it when it dies
+    pool = [_Worker(number, stop) for number in range(workers)]
+    busy: dict[_Worker, Any] = {}
     try:
         while True:
-            while len(pool.pending) < 2 * workers and pool.alive:
-                item = lost.popleft() if lost else next(source, _END)
-                if item is _END:
-                    break
-                pool.submit(function, item, config)
-            if not pool.pending:
+            for worker in pool:
+                if worker not in busy and (item := lost.pop() if lost else next(source, _END)) is not _END:
+                    busy[worker] = item
+                    worker.give((function, item, config))
+            if not busy:
                 return
-            for item, result in pool.done():
-                deaths = 0
-                yield item, result
-            if not pool.alive:
+            for worker in _ready(busy):
+                item, (done, result) = busy.pop(worker), worker.take()
+                if done:
+                    deaths = 0
+                    yield item, result
+                    continue
                 deaths += 1
                 if deaths == TRIES:
                     raise EngineError(f"workers have died {TRIES} times in turn before anything was done")
-                lost.extend(pool.pending.values())
-                pool.end()
-                pool = _Pool[Item](workers)
+                lost.append(item)
+                worker.kill()
+                pool[worker.number] = _Worker(worker.number, stop)
     finally:
-        pool.end()
+        stop.value = 1  # an item may take minutes, and nobody waits for it any more
+        for worker in pool:
+            worker.end()
 
 
-class _Pool(Generic[Item]):
-    """Worker processes that all end when one of them has died."""
+class _Worker:
+    """A process that does one item after the other, and a pipe to it.
 
-    def __init__(self, workers: int) -> None:
-        context = multiprocessing.get_context("spawn")  # torch and forks do not go together
-        self.alive = True
-        self.pending: dict[Future[Any], Item] = {}
-        self._started, self._stop = context.Value("i", 0), context.Event()
-        self._pids = context.Array("i", workers)
-        shared = (self._started, self._stop, self._pids)
-        self._executor = ProcessPoolExecutor(workers, context, _start_worker, shared)
+    It never gets an item while it is busy: then neither side ever waits for the other to read.
+    """
 
-    def submit(self, function: Callable[[MemoRobot, Item], Any], item: Item, config: RobotConfig) -> None:
+    def __init__(self, number: int, stop: Any) -> None:
+        self.number = number
+        self.pipe, theirs = _SPAWN.Pipe()
+        self.process = _SPAWN.Process(target=_serve, args=(theirs, number, stop), daemon=True)
+        with interrupts_blocked():
+            self.process.start()
+        theirs.close()
+
+    def give(self, work: tuple[Any, ...]) -> None:
+        with suppress(OSError):  # if it has died, that is seen when its result is taken
+            self.pipe.send(work)
+
+    def take(self) -> tuple[bool, Any]:
+        """Whether the item is done, and its result; raises what the item has raised."""
         try:
-            with interrupts_blocked():
-                future = self._executor.submit(call, function, item, config)
-        except BrokenProcessPool:
-            self.alive = False
-            future = Future()  # never done: it is lost with the others
-        self.pending[future] = item
+            result, error = self.pipe.recv()
+        except (EOFError, OSError):
+            return False, None
+        if error is not None:
+            raise error
+        return True, result
 
-    def done(self) -> Iterator[tuple[Item, Any]]:
-        """Wait for some results; those that died with a worker stay pending."""
-        if not self.alive:
-            return
-        for future in wait(self.pending, return_when=FIRST_COMPLETED).done:
-            if isinstance(future.exception(), BrokenProcessPool):
-                self.alive = False
-            else:
-                yield self.pending.pop(future), future.result()
+    def kill(self) -> None:
+        """End it at once, with its engines."""
+        with suppress(OSError):
+            os.killpg(self.process.pid or 0, signal.SIGKILL)
+        self.process.join()
+        self.pipe.close()
 
     def end(self) -> None:
-        """End all workers, and the engines of those that have died."""
-        self._stop.set()  # an item may take minutes, and nobody waits for it any more
-        if not self.alive:
-            for pid in filter(None, self._pids[:]):
-                with suppress(OSError):
-                    os.killpg(pid, signal.SIGKILL)
-        self._executor.shutdown(wait=True, cancel_futures=True)
+        """Let it end by itself, and if it does not, end it."""
+        self.pipe.close()
+        self.process.join(END_WITHIN)
+        self.kill()
+
+
+def _ready(busy: Iterable[_Worker]) -> list[_Worker]:
+    """Those that have a result, or have died."""
+    by_pipe = {worker.pipe: worker for worker in busy}
+    return [by_pipe[pipe] for pipe in connection.wait(list(by_pipe))]  # type: ignore[index]
+
+
+def _serve(pipe: Any, number: int, stop: Any) -> None:
+    """What a worker's process does."""
+    os.setpgid(0, 0)  # with its engines, so that one signal ends all
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    _WorkerRobot.stop = stop
+    settle(core_of(number))
+    with suppress(EOFError, OSError):  # the parent has closed the pipe: there is nothing more to do
+        while True:
+            pipe.send(_answer(*pipe.recv()))
+
+
+def _answer(function: Callable[..., Any], item: Any, config: RobotConfig) -> tuple[Any, Exception | None]:
+    """The result of an item, or the error that it has raised."""
+    try:
+        return call(function, item, config), None
+    except Exception as error:
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:
+            return None, RuntimeError(f"{type(error).__name__}: {error}")
+        return None, error
 
 
 class _Stopped(Exception):  # noqa: N818 - nothing is wrong
@@ -168,7 +206,7 @@ class _Stopped(Exception):  # noqa: N818 - nothing is wrong
 class _WorkerRobot(DoomRobot):
     """Ends the item under way soon after the parent has stopped waiting."""
 
-    stop: ClassVar[Any] = None  # an event; None where the work is done in the parent itself
+    stop: ClassVar[Any] = None  # a flag; None where the work is done in the parent itself
 
     def reset(self, scene: Scene) -> None:
         self._check()
@@ -179,19 +217,8 @@ class _WorkerRobot(DoomRobot):
         super().act(action)
 
     def _check(self) -> None:
-        if self.stop is not None and self.stop.is_set():
+        if self.stop is not None and self.stop.value:
             raise _Stopped
-
-
-def _start_worker(started: Any, stop: Any, pids: Any) -> None:
-    os.setpgid(0, 0)  # with its engines, so that one signal ends all
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    _WorkerRobot.stop = stop
-    with started.get_lock():
-        number = started.value
-        started.value += 1
-    pids[number % len(pids)] = os.getpid()
-    settle(core_of(number))
 
 
 def core_of(number: int) -> int | None:

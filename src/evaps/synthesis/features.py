@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Sequence
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -74,10 +73,9 @@ def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> np.ndarray
     if not path.exists():
         examples = EXAMPLES + 1  # the test example too, for training tasks: LGRL learns from any five of six
         out = np.empty((len(dataset), examples, 2, encoder.config.feature), np.float16)
-        frames = dataset.frames(range(len(dataset)))
-        for tasks in track(
-            iter(lambda: list(islice(frames, 10)), []), len(dataset), "features of tasks", 0, 10
-        ):
+        packed = dataset.frames(range(len(dataset)))
+        tens = iter(lambda: list(islice(packed, 10)), [])
+        for tasks in track(tens, len(dataset), "features of tasks", 0, 10):
             observations = [frame for _, frames in tasks for frame in unpack_frames(frames)]
             embedded = embed(encoder, observations).cpu().numpy()
             by_task = embedded.reshape(-1, 2, examples, out.shape[-1]).swapaxes(1, 2)

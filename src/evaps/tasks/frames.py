@@ -39,7 +39,9 @@ def pack_frames(frames: Sequence[Observation]) -> bytes:
     planes = np.empty((2, len(frames), HEIGHT, WIDTH), np.uint8)
     for i, frame in enumerate(frames):
         if not isinstance(frame, PaletteFrame):
-            raise ValueError("only frames of the Doom robot, which are held as palette indices, can be packed")
+            raise ValueError(
+                "only frames of the Doom robot, which are held as palette indices, can be packed"
+            )
         planes[0, i], planes[1, i] = frame.indices, frame.depth
     return _compressor().compress(planes.tobytes())
 

@@ -14,7 +14,7 @@ from evaps.robots.base import Scene, WorldState
 from evaps.robots.frames import Observation
 from evaps.robots.memo import MemoRobot, RememberedView
 from evaps.robots.scenes import random_scene
-from evaps.tasks.questions import Asker, OpenProgram, Seen, Unanswered
+from evaps.tasks.questions import Asker, Endless, OpenProgram, Seen, Unanswered
 from evaps.tasks.task import EXAMPLES
 
 SCENES = 8  # drawn for a task; six of them become its examples
@@ -113,19 +113,21 @@ def _runs(
     for tried, scene in enumerate(scenes, start=1):
         robot.reset(scene)
         start = robot.state()
+        asker = Asker(robot, program, {thing.kind for thing in scene.things})
         try:
-            trace = run(program.asking, Asker(robot, program.answers), limits)
+            trace = run(program.asking, asker, limits)
+            if trace.halted:
+                runs.append(Run(scene, trace, robot.state()))
+                useful += 1
+                if len(runs) <= 2 and robot.state() == start:  # it should usually change something
+                    return [], {}
         except Unanswered as end:
             asked.setdefault(end.key, []).append(end.seen)
             useful += 1
-        else:
-            if trace.halted:
-                useful += 1
-                runs.append(Run(scene, trace, robot.state()))
-                if len(runs) <= 2 and robot.state() == start:  # it should usually change something
-                    return [], {}
-            elif tried - useful > 1 + useful // 2:  # runs that do not halt are the dearest
-                return [], {}
+        except Endless:
+            pass
+        if tried - useful > 1 + useful // 2:  # runs that do not halt are the dearest
+            return [], {}
         if useful > EXAMPLES and (asked or choose_runs(program.program, runs)):
             break
     return runs, asked

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,7 @@ def summarize(dataset: Dataset) -> Summary:
     kinds = ("IF", "IFELSE", "WHILE", "REPEAT", "not")
     control = {kind: sum(kind in found for found in words) for kind in kinds}
     control["none"] = sum(not found & {*kinds} for found in words)
-    asked = [set(map(" ".join, zip(tokens, tokens[1:], strict=False))) for tokens in programs]
+    asked = [set(map(" ".join, pairwise(tokens))) for tokens in programs]
     splits = Counter(dataset.rows.column("split"))
     found = Counter(STEP_BUCKETS[min(n, 7) - 2] for n in steps)
     actions = [token for token in VOCAB.tokens if token_type(token) == "action"]

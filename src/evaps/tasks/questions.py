@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,14 +12,13 @@ from evaps.dsl.interpreter import unwrapped
 from evaps.dsl.nodes import Body, Condition, IfElse, Not, Perception, While
 from evaps.dsl.program import If
 from evaps.dsl.sampler import PERCEPTION_KEYS, PERCEPTIONS
-from evaps.robots.frames import Observation
-from evaps.robots.memo import MemoRobot
+from evaps.robots.memo import MemoRobot, RememberedView
 
 Seen = frozenset[str]
 """The perceptions that are true in a view."""
 
 
-class Unanswered(LookupError):
+class Unanswered(LookupError):  # noqa: N818 - nothing is wrong
     """A run has come to a condition that is still open.
 
     Attributes:
@@ -30,6 +29,10 @@ class Unanswered(LookupError):
     def __init__(self, key: str, seen: Seen) -> None:
         super().__init__(f"{key} is open")
         self.key, self.seen = key, seen
+
+
+class Endless(Exception):  # noqa: N818 - nothing is wrong
+    """A run has come to a loop that waits for something which is not in its scene."""
 
 
 class OpenProgram:
@@ -59,6 +62,11 @@ class OpenProgram:
             self.answers[key] = next(p for p in PERCEPTIONS if p.key == asks)
         return _replace_perception(condition, Perception(key, None))
 
+    def waits_for(self, key: str) -> str | None:
+        """What has to be in the world if a condition, that of a loop, is ever to come out false."""
+        loops = self._loops[key] and self._negated[key] and key in self.answers
+        return self.answers[key].thing if loops else None
+
     @property
     def program(self) -> Program | None:
         """The program; None as long as a condition is open."""
@@ -87,10 +95,16 @@ class OpenProgram:
 
 
 class Asker:
-    """A robot on which open programs run, as far as they are answered."""
+    """A robot on which an open program runs, as far as it is answered.
 
-    def __init__(self, robot: MemoRobot, answers: dict[str, Perception]) -> None:
-        self.robot, self.answers = robot, answers
+    Args:
+        robot: where it runs.
+        program: the open program.
+        things: kinds that are in the scene.
+    """
+
+    def __init__(self, robot: MemoRobot, program: OpenProgram, things: Collection[str]) -> None:
+        self.robot, self.program, self.things = robot, program, things
         self.act = robot.act
 
     def perceive(self, key: str) -> bool:
@@ -98,12 +112,16 @@ class Asker:
 
         Raises:
             Unanswered: nothing was chosen for it.
+            Endless: the loop that asks can be seen not to end.
         """
-        if key not in self.answers:
+        perception = self.program.answers.get(key)
+        if perception is None:
             raise Unanswered(key, frozenset(p for p in PERCEPTION_KEYS if self.robot.perceive(p)))
-        return self.robot.perceive(self.answers[key].key)
+        if (awaited := self.program.waits_for(key)) and awaited not in self.things:
+            raise Endless
+        return self.robot.perceive(perception.key)
 
-    def observe(self) -> Observation:
+    def observe(self) -> RememberedView:
         """The current view."""
         return self.robot.observe()
 

@@ -27,7 +27,6 @@ from evaps.tasks.dataset import (
 from evaps.tasks.frames import pack_frames
 from evaps.tasks.parts import ROBOT, Files, make_parts
 
-
 RENDERING = replace(ROBOT, eager=False)  # in the middle of a run nobody looks, unless its trace is wanted
 
 

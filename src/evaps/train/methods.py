@@ -24,7 +24,7 @@ from evaps.models.checkpoint import CheckpointError, hash_of, load_weights, read
 from evaps.models.compute import autocast, device, precision
 from evaps.models.encoder import EncoderConfig, TransitionModel
 from evaps.robots.base import Scene
-from evaps.robots.workers import Workers
+from evaps.robots.workers import TWO, Workers
 from evaps.synthesis.features import dataset_features
 from evaps.synthesis.mistakes import TASKS, Mistakes, generate_mistakes
 from evaps.tasks.dataset import Dataset
@@ -46,7 +46,7 @@ def train(
     out: Path,
     scale: str = "small",
     seed: int = 0,
-    workers: Workers = Workers(2),
+    workers: Workers = TWO,
 ) -> Path:
     """Train a method, or go on with it; needs what comes before it: encoder, synthesizer, repairer.
 
