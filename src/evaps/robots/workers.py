@@ -178,6 +178,7 @@ def _ready(busy: Iterable[_Worker]) -> list[_Worker]:
 
 def _serve(pipe: Any, number: int, stop: Any) -> None:
     """What a worker's process does."""
+    os.set_inheritable(pipe.fileno(), False)  # or an engine would keep it open when this process dies
     os.setpgid(0, 0)  # with its engines, so that one signal ends all
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _WorkerRobot.stop = stop
