@@ -78,6 +78,15 @@ def test_an_evaluation_is_the_same_again(data: Path, model: Path, tmp_path: Path
         assert row["rounds"] <= (5 if row["method"] == "evaps" else 0)
 
 
+def test_an_evaluation_on_ray_is_the_same(data: Path, model: Path, tmp_path: Path) -> None:
+    paths = [
+        evaluate(data, tmp_path / f"{w.backend}.parquet", str(model), ("lgrl",), top_k=2, workers=w)
+        for w in (Workers(0), Workers(2, "ray"))
+    ]
+    one, two = (pq.read_table(path).drop_columns(TIMES).to_pylist() for path in paths)
+    assert one == two
+
+
 def test_a_synthesizer_is_judged_without_a_repairer(data: Path, model: Path, tmp_path: Path) -> None:
     alone = tmp_path / "alone"
     alone.mkdir()

@@ -11,8 +11,9 @@ from evaps.models.encoder import Encoder, EncoderConfig, TransitionModel
 from evaps.robots.base import Pose, Scene
 from evaps.robots.doom import DoomRobot
 from evaps.robots.frames import RgbFrame
+from evaps.robots.workers import Workers
 from evaps.synthesis.features import embed, stack_frames
-from evaps.tasks.frames import pack_frame, rgbd, unpack_frame
+from evaps.tasks.frames import pack_frames, rgbd, unpack_frames
 from evaps.tasks.walks import LENGTH, Walks, generate_walks
 from evaps.train.encoder import WalkBatches, batch_loss, drop_pixels, transitions
 
@@ -21,7 +22,7 @@ from evaps.train.encoder import WalkBatches, batch_loss, drop_pixels, transition
 def walks(tmp_path_factory: pytest.TempPathFactory) -> Walks:
     folder = tmp_path_factory.mktemp("walks")
     start = (Scene(Pose(-400, 288, 0)), ("MOVE_FORWARD", "TURN_LEFT", "MOVE_FORWARD", "ATTACK", "MOVE_LEFT"))
-    return Walks.read(generate_walks(folder, 0, 0, 0, [start] * 2))
+    return Walks.read(generate_walks(folder, 0, 0, Workers(0), [start] * 2))
 
 
 def test_walks_start_as_told_and_go_on(walks: Walks) -> None:
@@ -82,7 +83,7 @@ def test_frames_are_the_same_however_they_are_stacked(tmp_path: Path) -> None:
     seen = robot.observe()
     robot.close()
     plain = RgbFrame(seen.rgb, seen.depth)
-    for stacked in (stack_frames([seen]), stack_frames([plain]), rgbd([unpack_frame(pack_frame(seen))])):
+    for stacked in (stack_frames([seen]), stack_frames([plain]), rgbd(unpack_frames(pack_frames([seen])))):
         assert np.array_equal(stacked[0], np.dstack([seen.rgb, seen.depth]))
     encoder = Encoder(EncoderConfig()).eval()
     assert embed(encoder, [seen, seen]).shape == (2, 256)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaps.robots.doom import doom_palette
+from evaps.robots.engine import doom_palette
 from evaps.robots.wad import ARENA_X, ARENA_Y, KINDS, arena_wad, decorate, mapinfo, pack, textmap, unpack
 
 NAMES = st.text("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789", min_size=1, max_size=8)

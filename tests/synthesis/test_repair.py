@@ -11,6 +11,7 @@ from torch import Tensor
 from evaps.dsl import Program, run
 from evaps.models.base import Execution, Repairer
 from evaps.models.encoder import Encoder, EncoderConfig
+from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
 from evaps.synthesis.features import FeatureTable
@@ -94,7 +95,9 @@ def test_executions_say_what_was_seen_around_each_segment(
         assert {int(s) for s in np.flatnonzero(execution.before[pair] >= 0)} == executed
         turned = next(s.index for s in GOLD.segments if "TURN_LEFT" in GOLD.tokens[s.start : s.start + 1])
         assert (turned in executed) == ("TURN_LEFT" in trace.actions)
-    assert table.table.shape == (len({id(o) for o in table._held}), 256)
+    goals = [example.goal for example in task.examples]
+    views = {digest(o) for o in (*goals, *(o for t in tried.traces for o in t.observations))}
+    assert table.table.shape == (len(views), 256)
 
 
 def test_best_first_is_by_pairs_passed_then_by_rank(task: Task, robot: MemoRobot) -> None:

@@ -2,22 +2,32 @@
 
 import hashlib
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
+import datasets
+import pandas
+import psutil
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from evaps.dsl import Program
 from evaps.robots.base import state_match
+from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import Workers
 from evaps.synthesis.solution import attempt
 from evaps.tasks.build import generate
 from evaps.tasks.dataset import Dataset, DatasetError, split_of, task_parts
-from evaps.tasks.frames import unpack_frame
+from evaps.tasks.frames import unpack_frames
+from evaps.tasks.info import check, summarize
 from evaps.tasks.render import render
 
 TASKS, PART, SEED = 18, 6, 7
@@ -64,12 +74,14 @@ def test_a_part_that_is_missing_is_made_again(folder: Path, copy: Path) -> None:
 
 def test_shards_add_up_to_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     whole = tmp_path / "whole"
-    for share in (1, 2):
+    for share in (1, 2, 3):
         shard = tmp_path / f"shard{share}"
-        generate(shard, TASKS, SEED, workers=Workers(0), part=PART, shard=(share, 2))
+        generate(shard, TASKS + 1, SEED, workers=Workers(0), part=PART, shard=(share, 3))
         assert not (shard / "tasks.parquet").exists()
         shutil.copytree(shard, whole, dirs_exist_ok=True)
-    assert len(list(whole.glob("parts/*"))) == 4  # one more than is needed
+    assert len(list(whole.glob("parts/*"))) == 6  # three more than are needed
+    (whole / "dataset.json").unlink()
+    shutil.copy(folder / "dataset.json", whole)
     generate(whole, TASKS, SEED, workers=Workers(0), part=PART)
     assert files(whole) == files(folder)
 
@@ -100,14 +112,14 @@ def test_where_a_program_comes_twice_one_more_is_made(folder: Path, copy: Path) 
     pq.write_table(table.set_column(at, "program", twice), path)
     assert generate(copy, TASKS, SEED, workers=Workers(0), part=PART) == TASKS + PART
     rows, before = Dataset(copy).rows, Dataset(folder).rows
-    assert [row["index"] for row in rows] == [i for i in range(TASKS + 1) if i != 2 * PART]
+    assert rows.column("index") == [i for i in range(TASKS + 1) if i != 2 * PART]
     assert rows[: 2 * PART] == before[: 2 * PART]
 
 
 def test_programs_are_distinct_and_in_the_split_of_their_hash(folder: Path) -> None:
     data = Dataset(folder)
-    assert len(data) == len({row["program"] for row in data.rows}) == TASKS
-    assert [row["index"] for row in data.rows] == list(range(TASKS))
+    assert len(data) == len(set(data.rows.column("program"))) == TASKS
+    assert data.rows.column("index") == list(range(TASKS))
     for row in data.rows:
         program = Program.parse(row["program"])
         assert row["split"] == split_of(program) == split_of(row["program"])
@@ -126,23 +138,130 @@ def test_splits_have_their_shares() -> None:
 def test_any_reader_of_parquet_can_open_it(folder: Path) -> None:
     tasks = pq.read_table(folder / "tasks.parquet")
     columns = ["index", "program", "split", "steps", "scenes", "states", "actions"]
-    assert (tasks.column_names, tasks.num_rows) == (columns, TASKS)
+    assert tasks.column_names == [*columns, "first_digests", "last_digests"]
+    assert tasks.num_rows == TASKS
     row: dict[str, Any] = tasks.to_pylist()[0]
     assert list(row["scenes"][0]["robot"]) == ["x", "y", "heading"]
-    assert [len(row[key]) for key in ("scenes", "states", "actions")] == [6, 6, 6]
+    assert {len(row[key]) for key in ("scenes", "states", "actions", "first_digests", "last_digests")} == {6}
     assert row["steps"] == max(len(actions.split()) for actions in row["actions"])
-    frames = pq.read_table(folder / "frames" / "frames-00000.parquet").to_pylist()
-    assert [frame["index"] for frame in frames] == list(range(PART))
-    for packed in (*frames[0]["first"], *frames[0]["last"]):
-        assert unpack_frame(packed).rgb.shape == (120, 160, 3)
     identity = json.loads((folder / "dataset.json").read_text())
     assert (identity["seed"], identity["tasks"], identity["part"]) == (SEED, TASKS, PART)
+
+
+def test_pandas_and_datasets_open_it_without_our_code(folder: Path) -> None:
+    frame = pandas.read_parquet(folder / "tasks.parquet")
+    assert (len(frame), frame["program"].nunique()) == (TASKS, TASKS)
+    assert list(frame["scenes"][0][0]["robot"]) == ["x", "y", "heading"]
+    found = datasets.Dataset.from_parquet(
+        str(folder / "tasks.parquet"), cache_dir=str(folder.parent / "cache"), keep_in_memory=True
+    )
+    assert found["program"] == frame["program"].tolist()
+    assert found[3]["last_digests"] == list(frame["last_digests"][3])
+
+
+def test_frames_are_what_the_digests_say(folder: Path) -> None:
+    data = Dataset(folder)
+    seen = 0
+    for position, packed in data.frames(range(TASKS)):
+        row = data.rows[position]
+        frames = unpack_frames(packed)
+        assert [digest(frame) for frame in frames] == [*row["first_digests"], *row["last_digests"]]
+        seen += 1
+    assert seen == TASKS
+
+
+def test_a_task_takes_little_room(folder: Path) -> None:
+    sizes = [path.stat().st_size for path in folder.glob("parts/*")]
+    assert sum(sizes) / TASKS < 4_000, "with the overhead of parts of six; 600 bytes in parts of a hundred"
+    frames = [path.stat().st_size for path in folder.glob("frames/*")]
+    assert sum(frames) / TASKS < 100_000
+
+
+def test_traces_show_every_step(folder: Path, copy: Path) -> None:
+    assert render(copy, Workers(0), traces=True) == TASKS
+    data = Dataset(copy)
+    for number in range(TASKS // PART):
+        for trace in pq.read_table(copy / "traces" / f"traces-{number:05d}.parquet").to_pylist():
+            row = data.rows[trace["index"]]
+            for example, actions in enumerate(row["actions"]):
+                views = unpack_frames(trace["observations"][example])
+                assert len(views) == len(trace["perceptions"][example]) == len(actions.split()) + 1
+                assert digest(views[0]) == row["first_digests"][example]
+                assert digest(views[-1]) == row["last_digests"][example]
+    before = files(copy)
+    assert render(copy, Workers(0), traces=True) == TASKS
+    assert files(copy) == before
+
+
+def test_rows_that_do_not_hold_are_found(folder: Path, copy: Path, robot: MemoRobot) -> None:
+    assert check(Dataset(folder), 5, robot) == []
+    path = copy / "tasks.parquet"
+    table = pq.read_table(path)
+    rows = table.to_pylist()
+    rows[0]["last_digests"][2] = b"0" * 16
+    rows[-1]["states"][0]["ammo"] += 1
+    pq.write_table(pa.Table.from_pylist(rows, table.schema), path)
+    faults = check(Dataset(copy), TASKS, robot)
+    assert faults == [
+        "task 0 does not run as it did; generate the data set again",
+        f"task {TASKS - 1} does not end as it did",
+    ]
+
+
+def test_a_summary_counts_what_is_there(folder: Path) -> None:
+    data = Dataset(folder)
+    summary = summarize(data)
+    assert sum(summary.splits.values()) == sum(summary.buckets.values()) == TASKS
+    loops = sum("WHILE" in program.split() for program in data.rows.column("program"))
+    assert summary.control["WHILE"] == loops
+    assert summary.steps[0] >= 2
+    assert summary.tokens[2] <= 32
+    assert set(summary.bytes_per_task) == {"tasks.parquet", "frames"}
+
+
+GENERATE = """
+import sys
+from pathlib import Path
+from evaps.robots.workers import Workers
+from evaps.tasks.build import generate
+
+if __name__ == "__main__":
+    folder, tasks, seed, workers, part = sys.argv[1:]
+    generate(Path(folder), int(tasks), int(seed), Workers(int(workers)), int(part))
+"""
+
+
+@pytest.mark.parametrize("victim", ["worker", "command"])
+def test_what_was_killed_half_way_becomes_the_same_bytes(folder: Path, tmp_path: Path, victim: str) -> None:
+    script, target = tmp_path / "script.py", tmp_path / "set"
+    script.write_text(GENERATE)
+    command = [sys.executable, str(script), str(target), *map(str, (TASKS, SEED, 2, PART))]
+    job = subprocess.Popen(command)
+    until = time.monotonic() + 60
+    while not list(target.glob("parts/*.parquet")) and time.monotonic() < until:
+        time.sleep(0.01)
+    assert job.poll() is None, "it is too late to kill it"
+    if victim == "command":
+        job.kill()
+        job.wait(60)
+        assert not (target / "tasks.parquet").exists()
+        subprocess.run(command, check=True, timeout=120)
+    else:
+        os.kill(next(iter(spawned_by(job.pid))), signal.SIGKILL)
+        assert job.wait(120) == 0
+    assert files(target) == files(folder)
+
+
+def spawned_by(pid: int) -> set[int]:
+    """Workers below a process: not the one that only tracks resources."""
+    children = psutil.Process(pid).children()
+    return {child.pid for child in children if any("spawn_main" in word for word in child.cmdline())}
 
 
 def test_gold_tasks_are_solved_by_their_programs(folder: Path, robot: MemoRobot) -> None:
     data = Dataset(folder)
     positions = [0, PART + 1, TASKS - 1]  # one of each part
-    (part,) = task_parts(folder, data, positions, size=10)
+    (part,) = (part.loaded(data) for part in task_parts(folder, data, positions, size=10))
     golds = list(part.golds())
     assert [gold.name for gold in golds] == [f"task-{p}" for p in positions]
     for position, gold in zip(positions, golds, strict=True):
@@ -178,8 +297,8 @@ def test_another_data_set_is_refused_and_left_alone(
         ("notes.txt", "mine", "is not empty and no data set; choose another folder"),
         ("dataset.json", "{", "is not JSON: line 1, column 2"),
         ("dataset.json", "[]", "expected an object with the seed"),
-        ("dataset.json", "{}", "has format None, not 1"),
-        ("dataset.json", '{"format": 1, "robot": "karel"}', "has robot karel, not doom"),
+        ("dataset.json", "{}", "has format None, not 2"),
+        ("dataset.json", '{"format": 2, "robot": "karel"}', "has robot karel, not doom"),
     ],
 )
 def test_a_foreign_folder_is_refused_and_left_alone(

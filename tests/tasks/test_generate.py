@@ -7,14 +7,17 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from evaps.dsl import covered, run
+from evaps.dsl import Program, covered, run
 from evaps.dsl.sampler import SamplerConfig
+from evaps.robots.base import Pose, Scene, Thing
 from evaps.robots.frames import Observation, frame_match
 from evaps.robots.memo import MemoRobot
-from evaps.robots.scenes import validate
-from evaps.tasks.generate import Draft, choose_scenes, generate_task
+from evaps.robots.scenes import random_scene, validate
+from evaps.tasks.generate import Draft, draft_task, generate_task
+from evaps.tasks.questions import OpenProgram
 
 EVAPS = str(Path(sys.executable).with_name("evaps"))
 SEED, COUNT = 3, 12
@@ -24,6 +27,11 @@ def contents(draft: Draft) -> tuple[Any, ...]:
     """All of a draft as plain values."""
     views = [view.rgb.tobytes() + view.depth.tobytes() for view in (*draft.first, *draft.last)]
     return draft.program, draft.scenes, draft.states, draft.actions, views
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(0)
 
 
 @pytest.fixture(scope="module")
@@ -77,15 +85,56 @@ def test_the_configuration_is_obeyed(robot: MemoRobot) -> None:
         assert len(set(draft.actions)) == 1, "without a condition it does the same everywhere"
 
 
+def closed(program: Program) -> OpenProgram:
+    return OpenProgram(program, is_open=False)
+
+
 def test_scenes_that_show_only_one_side_of_a_condition_do_not_do(
-    robot: MemoRobot, drafts: list[Draft]
+    robot: MemoRobot, drafts: list[Draft], rng: np.random.Generator
 ) -> None:
     draft = next(d for d in drafts if "IF" in str(d.program).split() or "IFELSE" in str(d.program).split())
     robot.forget()
-    assert choose_scenes(draft.program, draft.scenes, robot) is not None
-    assert choose_scenes(draft.program, draft.scenes[:5], robot) is None, "six are needed"
-    one = [draft.scenes[0]] * 10
-    assert choose_scenes(draft.program, one, robot) is None
+    again = draft_task(closed(draft.program), draft.scenes, robot, rng)
+    assert again is not None
+    assert again.program == draft.program
+    assert set(again.scenes) == set(draft.scenes)
+    assert draft_task(closed(draft.program), draft.scenes[:5], robot, rng) is None, "six are needed"
+    assert draft_task(closed(draft.program), [draft.scenes[0]] * 10, robot, rng) is None
+
+
+def test_no_run_takes_more_actions_than_it_may(robot: MemoRobot, rng: np.random.Generator) -> None:
+    scenes = [random_scene(rng) for _ in range(8)]
+    program = Program.parse("DEF run m( TURN_LEFT TURN_LEFT TURN_LEFT m)")
+    assert draft_task(closed(program), scenes, robot, rng, most=2) is None
+    draft = draft_task(closed(program), scenes, robot, rng, most=3)
+    assert draft is not None
+    assert draft.steps == 3
+
+
+def test_conditions_ask_what_the_scenes_tell_apart(robot: MemoRobot, rng: np.random.Generator) -> None:
+    """Three scenes show a demon and three show none; nothing else is in them: so it asks for a demon."""
+    places = [(-200, 300), (-150, 280), (-100, 300)]
+    scenes = [Scene(Pose(-300, 280, 0), (Thing("Demon", *place),)) for place in places]
+    scenes += [Scene(Pose(-300, y, 0)) for y in (200, 280, 360)]
+    asked = set()
+    for _ in range(8):
+        robot.forget()
+        program = Program.parse("DEF run m( TURN_LEFT IF c( ISTHERE Revenant c) i( ATTACK i) m)")
+        draft = draft_task(OpenProgram(program), scenes, robot, rng)
+        assert draft is not None
+        asked |= set(str(draft.program).split()) & {"Demon", "HellKnight", "Revenant"}
+        assert draft.steps == 2
+    assert asked == {"Demon"}
+
+
+def test_a_loop_that_waits_for_what_is_not_there_is_not_run(
+    robot: MemoRobot, rng: np.random.Generator
+) -> None:
+    program = Program.parse("DEF run m( WHILE c( not c( ISTHERE Demon c) c) w( TURN_LEFT w) m)")
+    scenes = [Scene(Pose(-300, y, 0)) for y in range(200, 360, 20)]
+    simulated = robot.simulated_actions
+    assert draft_task(closed(program), scenes, robot, rng) is None
+    assert robot.simulated_actions == simulated
 
 
 def sums(view: Observation, prefix: str = "") -> dict[str, str]:

@@ -31,8 +31,8 @@ def bench(model: str, seconds: float = 5.0) -> Iterator[Figure]:
     try:
         loaded = load_model(model)
         yield from engine_figures(robot)
-        tasks = random_tasks(robot, max(4, int(4 * seconds)))
-        yield from memory_figures(robot, loaded, tasks[: max(3, int(seconds))])
+        tasks = random_tasks(robot, max(2, int(4 * seconds)))
+        yield from memory_figures(robot, loaded, tasks[: max(2, int(2.4 * seconds))])
         yield from generation_figures(robot, seconds)
         yield from feature_figures(loaded, tasks)
         yield from synthesis_figures(robot, loaded, tasks)

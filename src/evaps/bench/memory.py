@@ -45,7 +45,7 @@ def memory_figures(robot: DoomRobot, model: Model, drafts: Sequence[Draft]) -> I
                     robot.reset(scene)
                     executed += len(run(program, robot).actions)
 
-    with_memory, without = best_of(memoised, plain, rounds=2)
+    with_memory, without = best_of(memoised, plain, rounds=1)
     count = sum(len(new) for programs in rounds for new in programs) / len(drafts)
     yield Figure("candidate checking: programs of a task, repairs included", count, "programs")
     yield Figure("candidate checking, plain / memoised: engine actions", executed / simulated, "x", ">= 5")
