@@ -28,7 +28,7 @@ TEST_TASKS = 1_000
 
 
 def make_data() -> None:
-    """`evaps generate data/small --tasks 20000 --seed 0`: 35 minutes."""
+    """`evaps generate data/small --tasks 20000 --seed 0`: 15 minutes."""
     generate(DATA, SCALES["small"].tasks, SEED, Workers(2))
 
 

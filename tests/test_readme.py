@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from evaps.report import difference_line, summary_table
+from evaps.report import bench_table, difference_line, summary_table
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -18,6 +18,12 @@ ROWS = ROOT / "results" / "small" / "rows.parquet"
 def test_the_figures_are_those_of_the_committed_rows() -> None:
     shown = README.split("<!-- results/small/rows.parquet -->")[1].split("<!-- end -->")[0]
     assert shown.strip() == f"{summary_table(ROWS)}\n\n{difference_line(ROWS)}"
+
+
+def test_the_figures_of_the_benchmark_are_those_of_the_committed_rows() -> None:
+    page = (ROOT / "docs" / "performance.md").read_text()
+    shown = page.split("<!-- results/bench.jsonl -->")[1].split("<!-- end -->")[0]
+    assert shown.strip() == bench_table(ROOT / "results" / "bench.jsonl")
 
 
 def test_every_command_it_shows_exists() -> None:

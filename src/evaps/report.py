@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from evaps.metrics import METRICS, TOP, paired_difference, summarize
@@ -28,3 +29,10 @@ def difference_line(rows: Path, better: str = "evaps", worse: str = "lgrl") -> s
         f"Generalization at top-1, {NAMES[better].split(' (')[0]} minus {NAMES[worse]}: {mean:+.1f} points, "
         f"95 % interval [{low:+.1f}, {high:+.1f}] (paired bootstrap over tasks)."
     )
+
+
+def bench_table(rows: Path) -> str:
+    """The figures of ``evaps bench`` as Markdown, from the file that its ``--out`` wrote."""
+    figures = [json.loads(line) for line in rows.read_text().splitlines()]
+    lines = [f"| {f['name']} | {f['value']:.4g} {f['unit']} | {f['target']} |" for f in figures]
+    return "\n".join(["| what | measured | target |", "|---|---:|---:|", *lines])
