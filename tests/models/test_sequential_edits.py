@@ -58,9 +58,9 @@ def test_a_lesson_says_where_each_edit_happens() -> None:
 
 def test_programs_are_decoded_together_as_alone_and_each_comes_once() -> None:
     torch.manual_seed(0)
-    head = SequentialEdits(16, 32).eval()
+    head = SequentialEdits(16, 32, last_token=True).eval()
     programs = [two_programs(seed, 0)[0] for seed in range(3)]
-    memory = torch.randn(3, max(len(p.tokens) for p in programs), 16)
+    memory = torch.randn(3, 5, max(len(p.tokens) for p in programs), 16)
     together = head.decode(memory, programs, beam=6)
     for i, program in enumerate(programs):
         assert len(set(together[i])) == len(together[i])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,30 @@ from evaps.models.base import Repairer, Synthesizer
 from evaps.models.checkpoint import CheckpointError, fitting, load_weights, read_config
 from evaps.models.encoder import Encoder, EncoderConfig
 
+
+@dataclass(frozen=True)
+class Method:
+    """A method's class, and how it differs from the class's defaults.
+
+    Attributes:
+        where: module and name of the class; the module is imported when the method is used.
+        config: fields of its configuration.
+    """
+
+    where: str
+    config: Mapping[str, Any] = field(default_factory=dict)
+
+
 METHODS = {
-    "lgrl": "evaps.models.lgrl:LGRL",
-    "transformer": "evaps.models.transformer:Transformer",
-    "evaps": "evaps.models.evaps:Evaps",
+    "lgrl": Method("evaps.models.lgrl:LGRL"),
+    "transformer": Method("evaps.models.transformer:Transformer"),
+    "sed": Method("evaps.models.sed:SED"),
+    "naive": Method("evaps.models.evaps:Evaps", {"observations": False, "graph": False}),
+    "evaps-o": Method("evaps.models.evaps:Evaps", {"graph": False}),
+    "evaps-s": Method("evaps.models.evaps:Evaps", {"observations": False}),
+    "evaps": Method("evaps.models.evaps:Evaps"),
 }
-"""Where every method's class is, by name; a module is imported when its method is used."""
+"""Every method by its name; `naive`, `evaps-o` and `evaps-s` are the paper's ablations of EVAPS."""
 
 PROPOSER = "lgrl"
 """The synthesizer whose candidates repairers learn from and mend."""
@@ -42,7 +61,7 @@ def method_class(name: str) -> type[Synthesizer] | type[Repairer]:
     """
     if name not in METHODS:
         raise UserError(f"there is no method {name!r}; known are {', '.join(METHODS)}")
-    module, _, attribute = METHODS[name].partition(":")
+    module, _, attribute = METHODS[name].where.partition(":")
     found: type[Synthesizer] | type[Repairer] = getattr(import_module(module), attribute)
     return found
 
@@ -63,7 +82,8 @@ def new_method(name: str, **config: Any) -> Synthesizer | Repairer:
         UserError: there is no such method.
     """
     method: Any = method_class(name)
-    made: Synthesizer | Repairer = method(method.Config(**config))
+    made: Synthesizer | Repairer = method(method.Config(**{**METHODS[name].config, **config}))
+    made.name = name
     return made
 
 

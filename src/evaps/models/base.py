@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -22,7 +22,7 @@ Features = Float[Tensor, "batch pair 2 feature"]
 class Synthesizer(nn.Module, ABC):
     """Proposes programs for tasks, token by token. Bring your own: two methods for decoding, one to learn."""
 
-    name: ClassVar[str]
+    name: str
     Config: ClassVar[type]
     config: Any
 
@@ -60,6 +60,8 @@ class Execution:
         first: for each pair, the row of the first observation.
         final: for each pair, the row of the observation at which the program ended.
         goal: for each pair, the row of the goal.
+        events: of every action and condition that was executed its pair, its segment, and the row of what was
+            seen before it.
     """
 
     program: Program
@@ -68,20 +70,32 @@ class Execution:
     first: Int[np.ndarray, " pair"]
     final: Int[np.ndarray, " pair"]
     goal: Int[np.ndarray, " pair"]
+    events: Int[np.ndarray, "event 3"] = field(default_factory=lambda: np.zeros((0, 3), np.int64))
 
     def rows(self) -> tuple[Int[np.ndarray, ...], ...]:
         """All arrays of rows, in the order of the fields."""
-        return self.before, self.after, self.first, self.final, self.goal
+        return self.before, self.after, self.first, self.final, self.goal, self.events[:, 2]
 
     def renumbered(self, used: Int[np.ndarray, " row"]) -> Execution:
         """The same for a table that has only the rows ``used``, which are sorted."""
-        return Execution(self.program, *(np.where(r < 0, -1, np.searchsorted(used, r)) for r in self.rows()))
+        *rows, seen = (np.where(r < 0, -1, np.searchsorted(used, r)) for r in self.rows())
+        return replace(Execution(self.program, *rows), events=np.column_stack([self.events[:, :2], seen]))
+
+
+@runtime_checkable
+class EditDecoder(Protocol):
+    """Turns representations of a wrong program's tokens into what it may become."""
+
+    def decode(
+        self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
+    ) -> list[list[Program]]:
+        """For each program what it may become, most probable first; everything parses."""
 
 
 class Repairer(nn.Module, ABC):
     """Turns wrong programs and what happened when they ran into better ones."""
 
-    name: ClassVar[str]
+    name: str
     Config: ClassVar[type]
     config: Any
 
@@ -93,6 +107,20 @@ class Repairer(nn.Module, ABC):
         tried: Sequence[set[Program]],
     ) -> list[Program | None]:
         """For each execution the best program that is not among those tried; None if there is none."""
+
+    def first_new(
+        self,
+        edits: EditDecoder,
+        memory: Float[Tensor, "batch pair time memory"],
+        executions: Sequence[Execution],
+        tried: Sequence[set[Program]],
+    ) -> list[Program | None]:
+        """The most probable results of an edit decoder that are not among those tried."""
+        decoded = edits.decode(memory, [e.program for e in executions], self.config.beam)
+        return [
+            next((program for program in programs if program not in old), None)
+            for programs, old in zip(decoded, tried, strict=True)
+        ]
 
     @abstractmethod
     def loss(

@@ -13,7 +13,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 from torch_geometric.nn import GATv2Conv
@@ -22,6 +22,7 @@ from evaps.dsl import TOKEN_TYPES, VOCAB, Program, token_type
 from evaps.models.base import Execution, Repairer, pad
 from evaps.models.encoder import PairConfig, PairEmbedding
 from evaps.models.parallel_edits import ParallelEdits
+from evaps.models.recurrent import reversal
 from evaps.models.sequential_edits import SequentialEdits
 
 EditMode = Literal["parallel", "sequential"]
@@ -99,7 +100,7 @@ class Evaps(Repairer):
     choice). The paper edits all tokens at once; whether they are edited one after the other is a flag.
     """
 
-    name: ClassVar[str] = "evaps"
+    name = "evaps"
     Config: ClassVar[type] = EvapsConfig
 
     def __init__(self, config: EvapsConfig = EvapsConfig()) -> None:
@@ -135,7 +136,7 @@ class Evaps(Repairer):
         """For each token what its edits are decided on: ``x_s`` in context, max-pooled over the pairs."""
         x = self.represent(batch, table)
         x = self.dropout(F.relu(self.mix(x)))
-        swap = _reversal(batch.tokens > 0).to(x.dtype)[:, None]
+        swap = reversal(batch.tokens > 0).to(x.dtype)[:, None]
         onwards, _ = self.onwards(x.flatten(0, 1))
         backwards, _ = self.backwards((swap @ x).flatten(0, 1))
         backwards = swap.to(backwards.dtype) @ backwards.unflatten(0, x.shape[:2])
@@ -188,7 +189,7 @@ class Evaps(Repairer):
         table: Float[Tensor, "row feature"],
     ) -> Float[Tensor, ""]:
         """Cross-entropy of the Levenshtein edits, a mean over a program's edits, then over programs."""
-        memory = self(Batch.of(executions, table.device), table)
+        memory = self(Batch.of(executions, table.device), table)[:, None]  # pooled over the pairs already
         return self.edits.loss(memory, [e.program for e in executions], targets)
 
     @torch.inference_mode()
@@ -199,19 +200,5 @@ class Evaps(Repairer):
         tried: Sequence[set[Program]],
     ) -> list[Program | None]:
         """See :meth:`Repairer.repair`."""
-        memory = self(Batch.of(executions, table.device), table)
-        decoded = self.edits.decode(memory, [e.program for e in executions], self.config.beam)
-        return [
-            next((program for program in programs if program not in old), None)
-            for programs, old in zip(decoded, tried, strict=True)
-        ]
-
-
-def _reversal(real: Bool[Tensor, "batch time"]) -> Float[Tensor, "batch time time"]:
-    """Matrices that put each row's real tokens into the opposite order, and leave its padding behind them.
-
-    An LSTM that reads tokens in this order needs no packing, which on processors is the slower way.
-    """
-    time = torch.arange(real.shape[1], device=real.device)
-    opposite = torch.where(real, real.sum(1, keepdim=True) - 1 - time, time)
-    return F.one_hot(opposite, real.shape[1]).float()
+        memory = self(Batch.of(executions, table.device), table)[:, None]
+        return self.first_new(self.edits, memory, executions, tried)

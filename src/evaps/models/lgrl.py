@@ -49,7 +49,7 @@ class LGRLState:
 class LGRL(Synthesizer):
     """One LSTM per pair with shared weights; the top hidden states are max-pooled before the vocabulary."""
 
-    name: ClassVar[str] = "lgrl"
+    name = "lgrl"
     Config: ClassVar[type] = LGRLConfig
 
     def __init__(self, config: LGRLConfig = LGRLConfig()) -> None:

@@ -143,14 +143,14 @@ class ParallelEdits(nn.Module):
 
     def loss(
         self,
-        memory: Float[Tensor, "batch time memory"],
+        memory: Float[Tensor, "batch pair time memory"],
         before: Sequence[Program],
         after: Sequence[Program],
     ) -> Float[Tensor, ""]:
         """Cross-entropy of the edits, a mean over a program's tokens, then over programs (Eq. 3)."""
-        replace, insert = self(memory)
+        replace, insert = self(memory.amax(1))
         lengths = torch.tensor([len(program.tokens) for program in before], device=memory.device)
-        real = torch.arange(memory.shape[1], device=memory.device) < lengths[:, None]
+        real = torch.arange(memory.shape[2], device=memory.device) < lengths[:, None]
         share = (real / lengths[:, None])[real] / len(before)
         wanted = [edit_targets(b, a) for b, a in zip(before, after, strict=True)]
         tokens = torch.tensor([t for row, _ in wanted for t in row], device=memory.device)
@@ -160,10 +160,10 @@ class ParallelEdits(nn.Module):
         return ((replaced + inserted) * share).sum()
 
     def decode(
-        self, memory: Float[Tensor, "batch time memory"], before: Sequence[Program], beam: int
+        self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
     ) -> list[list[Program]]:
         """For each program what it may become, most probable first; everything parses."""
-        replace, insert = (logits.float().log_softmax(-1).cpu().numpy() for logits in self(memory))
+        replace, insert = (logits.float().log_softmax(-1).cpu().numpy() for logits in self(memory.amax(1)))
         lengths = [len(program.tokens) for program in before]
         rows = zip(replace, insert, lengths, strict=True)
         return [list(decode_edits(r[:length], i[:length], beam)) for r, i, length in rows]

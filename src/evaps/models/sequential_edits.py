@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -109,11 +110,13 @@ class Lesson:
     Attributes:
         choices: the edits.
         pointers: where in the wrong program each one happens.
+        written: the token that was written last before it; 0 if none was.
         masks: which edits were allowed, ``[edit, EDITS]``.
     """
 
     choices: list[int]
     pointers: list[int]
+    written: list[int]
     masks: NDArray[np.bool_]
 
     @classmethod
@@ -121,35 +124,49 @@ class Lesson:
     def of(cls, before: Program, after: Program) -> Lesson:
         """By a shortest alignment."""
         partial, choices = Edited.start(before), edits_between(before, after)
-        pointers, masks = [], []
+        pointers, written, masks = [], [], []
         for choice in choices:
             pointers.append(partial.pointer)
+            written.append((partial.tokens or (0,))[-1])
             masks.append(partial.allowed())
             partial = partial.advance(choice)
-        return cls(choices, pointers, np.stack(masks))
+        return cls(choices, pointers, written, np.stack(masks))
+
+
+class Told(NamedTuple):
+    """Before each edit: the edit before it, the token that was written last, and where the pointer is."""
+
+    last: Int[Tensor, "batch edit"]
+    written: Int[Tensor, "batch edit"]
+    pointers: Int[Tensor, "batch edit"]
 
 
 class SequentialEdits(nn.Module):
-    """An LSTM over the edits, which sees the token at the pointer.
+    """An LSTM over the edits, which sees the token at the pointer: one for each pair, max-pooled over them.
 
     Args:
         memory: size of a token's representation.
         hidden: of the LSTM, and of an edit's embedding.
         layers: of the LSTM.
         dropout: on what goes into the LSTM and on what comes out.
+        last_token: whether the LSTM is also told the token that was written last.
     """
 
-    def __init__(self, memory: int, hidden: int, layers: int = 2, dropout: float = 0.2) -> None:
+    def __init__(
+        self, memory: int, hidden: int, layers: int = 2, dropout: float = 0.2, last_token: bool = False
+    ) -> None:
         super().__init__()
         self.edit = nn.Embedding(EDITS + 1, hidden)  # the last one stands for the start
-        self.lstm = nn.LSTM(hidden + memory, hidden, layers, batch_first=True)
+        self.written = nn.Embedding(len(VOCAB), hidden) if last_token else None  # <pad>: nothing yet
+        told = (1 + last_token) * hidden
+        self.lstm = nn.LSTM(told + memory, hidden, layers, batch_first=True)
         self.norm = nn.LayerNorm(memory)  # without it, large values saturate the LSTM
         self.dropout = nn.Dropout(dropout)
         self.output = nn.Linear(hidden + memory, EDITS)
 
     def loss(
         self,
-        memory: Float[Tensor, "batch time memory"],
+        memory: Float[Tensor, "batch pair time memory"],
         before: Sequence[Program],
         after: Sequence[Program],
     ) -> Float[Tensor, ""]:
@@ -161,40 +178,50 @@ class SequentialEdits(nn.Module):
         for mask, lesson in zip(masks, lessons, strict=True):
             mask[: len(lesson.choices)] = lesson.masks
         last = F.pad(choices[:, :-1].clamp(min=0), (1, 0), value=EDITS)
-        logits, _ = self(memory, last, pointers, None)
+        written = pad([lesson.written for lesson in lessons]).to(memory.device)
+        logits, _ = self(memory, Told(last, written, pointers), None)
         logits = logits.float().masked_fill(~torch.from_numpy(masks).to(memory.device), -torch.inf)
         losses = F.cross_entropy(logits.transpose(1, 2), choices, ignore_index=-1, reduction="none")
         return (losses.sum(1) / (choices >= 0).sum(1)).mean()
 
     def forward(
         self,
-        memory: Float[Tensor, "batch time memory"],
-        last: Int[Tensor, "batch edit"],
-        pointers: Int[Tensor, "batch edit"],
+        memory: Float[Tensor, "batch pair time memory"],
+        told: Told,
         hidden: tuple[Tensor, Tensor] | None,
     ) -> tuple[Float[Tensor, "batch edit choice"], tuple[Tensor, Tensor]]:
-        """Logits of each edit, given the one before it and where the pointer stands."""
-        at_pointer = F.one_hot(pointers, memory.shape[1]).to(memory.dtype) @ memory  # quicker than indexing
-        token = self.dropout(self.norm(at_pointer))
-        outputs, hidden = self.lstm(torch.cat([self.dropout(self.edit(last)), token], -1), hidden)
-        return self.output(torch.cat([self.dropout(outputs), token], -1)), hidden
+        """Logits of each edit, and the state of the LSTMs, whose rows are the pairs of each program."""
+        pairs = memory.shape[1]
+        pointed = F.one_hot(told.pointers, memory.shape[2]).to(memory.dtype)  # quicker than indexing
+        token = self.dropout(self.norm(pointed[:, None] @ memory))
+        known = [self.dropout(self.edit(told.last))]
+        if self.written is not None:
+            known.append(self.dropout(self.written(told.written)))
+        given = torch.cat(known, -1)[:, None].expand(-1, pairs, -1, -1)
+        outputs, hidden = self.lstm(torch.cat([given, token], -1).flatten(0, 1), hidden)
+        pooled = outputs.unflatten(0, (-1, pairs)).amax(1), token.amax(1)
+        return self.output(torch.cat([self.dropout(pooled[0]), pooled[1]], -1)), hidden
 
     def decode(
-        self, memory: Float[Tensor, "batch time memory"], before: Sequence[Program], beam: int
+        self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
     ) -> list[list[Program]]:
         """For each program what it may become, most probable first; everything parses."""
         hidden: tuple[Tensor, Tensor] | None = None
         owner = torch.arange(len(memory), device=memory.device)
         last = torch.full_like(owner, EDITS)
+        pairs = torch.arange(memory.shape[1], device=memory.device)
 
         def step(partials: Sequence[Edited], chosen: Chosen | None) -> Tensor:
             nonlocal hidden, owner, last
             if chosen is not None and hidden is not None:
                 rows, last = chosen
                 owner = owner[rows]
-                hidden = (hidden[0][:, rows], hidden[1][:, rows])
+                flat = (rows[:, None] * len(pairs) + pairs).flatten()
+                hidden = (hidden[0][:, flat], hidden[1][:, flat])
             pointers = torch.tensor([p.pointer for p in partials], device=memory.device)
-            logits, hidden = self(memory[owner], last[:, None], pointers[:, None], hidden)
+            written = torch.tensor([(p.tokens or (0,))[-1] for p in partials], device=memory.device)
+            told = Told(last[:, None], written[:, None], pointers[:, None])
+            logits, hidden = self(memory[owner], told, hidden)
             return logits[:, 0]
 
         found = search([Edited.start(program) for program in before], step, beam, _LONGEST)

@@ -49,7 +49,7 @@ class TransformerState:
 class Transformer(Synthesizer):
     """Self-attention over the tokens so far, cross-attention to the pairs."""
 
-    name: ClassVar[str] = "transformer"
+    name = "transformer"
     Config: ClassVar[type] = TransformerConfig
 
     def __init__(self, config: TransformerConfig = TransformerConfig()) -> None:

@@ -118,11 +118,13 @@ class FeatureTable:
     def _execution(self, attempt: Attempt, goals: Sequence[Observation]) -> Execution:
         shape = (len(attempt.traces), len(attempt.program.segments))
         before, after = np.full(shape, -1), np.full(shape, -1)
+        events = []
         for pair, trace in enumerate(attempt.traces):
             rows = self.rows(trace.observations)
+            events += [(pair, event.segment, rows[event.time]) for event in trace.events]
             for segment, (entered, left) in trace.segment_times.items():
                 before[pair, segment], after[pair, segment] = rows[entered], rows[left]
         first = self.rows(trace.observations[0] for trace in attempt.traces)
         final = self.rows(trace.observations[-1] for trace in attempt.traces)
         ends = (np.array(first), np.array(final), np.array(self.rows(goals)))
-        return Execution(attempt.program, before, after, *ends)
+        return Execution(attempt.program, before, after, *ends, np.array(events, np.int64).reshape(-1, 3))

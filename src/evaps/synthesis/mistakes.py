@@ -38,6 +38,7 @@ SCHEMA = pa.schema(
         "before": _ROWS,
         "after": _ROWS,
         "ends": _ROWS,
+        "events": _ROWS,
     }
 )
 
@@ -105,6 +106,7 @@ def _mistakes(
             "before": e.before.tolist(),
             "after": e.after.tolist(),
             "ends": [e.first.tolist(), e.final.tolist(), e.goal.tolist()],
+            "events": e.events.tolist(),
         }
         for e in table.executions(wrong, gold.task)
     ]
@@ -169,4 +171,6 @@ class Mistakes:
 def _execution(row: dict[str, Any], offset: int) -> Execution:
     before, after = (np.array(row[key]) for key in ("before", "after"))
     shifted = [np.where(rows < 0, -1, rows + offset) for rows in (before, after)]
-    return Execution(Program.parse(row["program"]), *shifted, *(np.array(row["ends"]) + offset))
+    events = np.add(np.array(row["events"], np.int64).reshape(-1, 3), [0, 0, offset])
+    ends = np.array(row["ends"]) + offset
+    return replace(Execution(Program.parse(row["program"]), *shifted, *ends), events=events)

@@ -1,0 +1,60 @@
+"""The list of methods: the paper's ablations differ in what they see, and in nothing else."""
+
+import pytest
+import torch
+from torch_geometric.nn import GATv2Conv
+
+from evaps.dsl import UserError
+from evaps.models import METHODS, is_repairer, load_method, new_method
+from evaps.models.checkpoint import CheckpointError, save_checkpoint
+from evaps.models.evaps import Evaps
+
+ABLATIONS = {
+    "naive": (False, False),
+    "evaps-o": (True, False),
+    "evaps-s": (False, True),
+    "evaps": (True, True),
+}
+
+
+@pytest.mark.parametrize(("name", "flags"), ABLATIONS.items())
+def test_an_ablation_leaves_out_what_its_name_says(name, flags) -> None:
+    method = new_method(name)
+    assert isinstance(method, Evaps)
+    assert (method.config.observations, method.config.graph) == flags
+    assert method.config.goal
+    assert (method.segment is not None, len(method.graph) > 0) == flags
+    assert method.name == name
+    assert is_repairer(name)
+
+
+def test_a_checkpoint_of_one_method_is_not_taken_for_another(tmp_path) -> None:
+    for name in ("naive", "sed"):
+        save_checkpoint(tmp_path / name, new_method(name), name, {})
+        again = load_method(tmp_path / name, name)
+        assert (again.name, again.config) == (name, new_method(name).config)
+        with pytest.raises(CheckpointError, match="its method is"):
+            load_method(tmp_path / name, "evaps")
+
+
+def test_a_method_that_is_not_there_is_told() -> None:
+    with pytest.raises(UserError, match="no method 'nobody'; known are lgrl, transformer, sed, naive"):
+        new_method("nobody")
+    assert list(METHODS)[-1] == "evaps"
+
+
+def test_graph_attention_is_the_equation_of_the_paper() -> None:
+    """Brody et al., 2022: softmax over neighbours and oneself of a . leaky(W_l x_j + W_r x_i), in float64."""
+    torch.manual_seed(0)
+    nodes, size, heads = 7, 12, 3
+    layer = GATv2Conv(size, size // heads, heads, negative_slope=0.2).double()
+    x = torch.randn(nodes, size, dtype=torch.float64)
+    one_way = torch.tensor([[0, 1, 2, 3, 1, 4], [1, 2, 3, 4, 5, 6]])
+    edges = torch.cat([one_way, one_way.flip(0)], 1)
+    near = torch.eye(nodes, dtype=torch.bool)
+    near[edges[1], edges[0]] = True
+    left, right = (lin(x).unflatten(1, (heads, -1)) for lin in (layer.lin_l, layer.lin_r))
+    leaky = torch.nn.functional.leaky_relu(right[:, None] + left[None], 0.2)
+    scores = (leaky * layer.att).sum(-1).masked_fill(~near[..., None], -torch.inf)
+    expected = torch.einsum("ijh,jhc->ihc", scores.softmax(1), left).flatten(1) + layer.bias
+    torch.testing.assert_close(layer(x, edges), expected, rtol=1e-10, atol=1e-12)
