@@ -30,6 +30,7 @@ class Method:
 METHODS = {
     "lgrl": Method("evaps.models.lgrl:LGRL"),
     "transformer": Method("evaps.models.transformer:Transformer"),
+    "latent-execution": Method("evaps.models.latent_execution:LatentExecution"),
     "sed": Method("evaps.models.sed:SED"),
     "naive": Method("evaps.models.evaps:Evaps", {"observations": False, "graph": False}),
     "evaps-o": Method("evaps.models.evaps:Evaps", {"graph": False}),
