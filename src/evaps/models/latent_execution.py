@@ -1,10 +1,10 @@
 """Latent Execution: a decoder that imagines what the statements it has written do.
 
 Chen et al., "Latent Execution for Neural Program Synthesis Beyond Domain-Specific Languages", NeurIPS 2021.
-Theirs is for C and integers; this port keeps the idea. An executor cell changes a latent state of each pair
-after every statement; the decoder reads that state in the place of the input's embedding; and the state in which
-the gold program ends has to agree with the output's embedding. There is no operation predictor, which is about
-integers.
+Theirs is for C and integers; this port keeps the idea. An executor cell changes a latent state of each
+pair after every statement; the decoder reads that state in the place of the input's embedding; and the
+state in which the gold program ends has to agree with the output's embedding. There is no operation
+predictor, which is about integers.
 """
 
 from __future__ import annotations
