@@ -52,7 +52,8 @@ def ray_map(
         EngineError: an item kills one worker after the other.
         UserError: ray is not installed, or there is no such cluster.
     """
-    ray = _connect(workers.address)
+    ray, is_ours = _connect(workers.address)
+    actors: list[Any] = []
     try:
         actors = _actors(ray, max(1, workers.count))
         idle, running = list(actors), {}
@@ -72,20 +73,26 @@ def ray_map(
             idle.append(actor)
             yield item, _result(ray, done)
     finally:
-        ray.shutdown()
+        for actor in actors:
+            ray.kill(actor)
+        if is_ours:
+            ray.shutdown()
 
 
-def _connect(address: str | None) -> Any:
+def _connect(address: str | None) -> tuple[Any, bool]:
+    """Ray, and whether the connection is ours to close: a program that has one keeps it."""
     try:
         import ray
     except ImportError:
         raise UserError("ray is not installed; try: pip install 'evaps[cluster]'") from None
+    if ray.is_initialized():
+        return ray, False
     try:
         ray.init(address, log_to_driver=False, logging_level=logging.ERROR, include_dashboard=False)
     except (ConnectionError, ValueError) as error:
         reason = " ".join(str(error).split())[:200]
         raise UserError(f"there is no Ray cluster at {address!r}: {reason}") from None
-    return ray
+    return ray, True
 
 
 def _actors(ray: Any, count: int) -> list[Any]:

@@ -158,8 +158,10 @@ class _Worker:
 
     def kill(self) -> None:
         """End it at once, with its engines."""
-        with suppress(OSError):
-            os.killpg(self.process.pid or 0, signal.SIGKILL)
+        assert self.process.pid is not None
+        with suppress(OSError):  # it may have ended before it had a group of its own
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.kill()
         self.process.join()
         self.pipe.close()
 
