@@ -45,7 +45,7 @@ def die_once(robot: MemoRobot, item: tuple[int, Path]) -> Outcome:
     seed, marker = item
     robot.reset(random_scene(np.random.default_rng(99)))
     if not marker.exists():
-        marker.touch()
+        marker.write_text(str(os.getpid()))
         os.kill(os.getpid(), signal.SIGKILL)
     robot.forget()
     return random_run(robot, seed)

@@ -54,21 +54,21 @@ def test_a_worker_that_dies_is_replaced(engines: Engines, expected: dict[int, An
     others = engines(os.getpid())
     items = [(seed, tmp_path / f"marker{seed % 4}") for seed in ITEMS]  # four of them kill their worker
     results = dict(robot_map(die_once, items, Workers(2), CONFIG))
-    assert len(list(tmp_path.iterdir())) == 4
+    killed = {int(marker.read_text()) for marker in tmp_path.iterdir()}
+    assert len(killed) == 4
     assert {seed: result for (seed, _), result in results.items()} == expected
     assert engines(os.getpid()) == others
-    assert wait_for(lambda: not orphans(), 10)
+    assert wait_for(lambda: not killed & living_groups(), 10)
 
 
-def orphans() -> set[int]:
-    """Engines of this session whose parents are gone."""
+def living_groups() -> set[int]:
+    """Process groups that somebody is in: a worker's has its pid, and its engines are in it."""
     found = set()
     for path in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):
-            name, _, rest = path.read_text().partition("(")[2].rpartition(")")
-            state, parent, _, session = rest.split()[:4]
-            if name == "vizdoom" and parent == "1" and state != "Z" and int(session) == os.getsid(0):
-                found.add(int(path.parent.name))
+            state, _, group = path.read_text().rpartition(")")[2].split()[:3]
+            if state != "Z":
+                found.add(int(group))
     return found
 
 
@@ -141,6 +141,16 @@ def test_ctrl_c_leaves_no_engine_behind(
     (os.killpg if to_the_group else os.kill)(job.pid, signal.SIGINT)
     output = job.communicate(timeout=60)[0]
     assert (job.returncode, output) == (130, b"")
+    assert wait_for(lambda: all_gone(started), 10)
+
+
+def test_a_second_ctrl_c_leaves_no_engine_behind_either(engines: Engines, tmp_path: Path) -> None:
+    job, started = start_job(tmp_path, 2, engines)
+    for _ in range(2):
+        time.sleep(0.02)
+        job.send_signal(signal.SIGINT)
+    job.communicate(timeout=60)
+    assert job.returncode != 0
     assert wait_for(lambda: all_gone(started), 10)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -88,7 +89,13 @@ def _connect(address: str | None) -> tuple[Any, bool]:
     if ray.is_initialized():
         return ray, False
     try:
-        ray.init(address, log_to_driver=False, logging_level=logging.ERROR, include_dashboard=False)
+        # "local": else Ray may join whatever cluster somebody else has started on this machine
+        ray.init(
+            address or os.environ.get("RAY_ADDRESS") or "local",
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+            include_dashboard=False,
+        )
     except (ConnectionError, ValueError) as error:
         reason = " ".join(str(error).split())[:200]
         raise UserError(f"there is no Ray cluster at {address!r}: {reason}") from None

@@ -22,7 +22,7 @@ from evaps.robots.memo import MemoRobot
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-END_WITHIN = 10.0  # seconds that a worker has to end by itself
+END_WITHIN = 30.0  # seconds that a worker has to end by itself, with all its engines
 _END = object()
 _SPAWN = multiprocessing.get_context("spawn")  # torch and forks do not go together
 TRIES = 3  # how often a worker may die in turn without anything being done
@@ -124,8 +124,15 @@ def _process_map(
                 pool[worker.number] = _Worker(worker.number, stop)
     finally:
         stop.value = 1  # an item may take minutes, and nobody waits for it any more
-        for worker in pool:
-            worker.end()
+        for worker in pool:  # all of them are told before the first is waited for
+            worker.pipe.close()
+        try:
+            for worker in pool:
+                worker.end()
+        except BaseException:  # a second Ctrl-C: at once, then
+            for worker in pool:
+                worker.kill()
+            raise
 
 
 class _Worker:
@@ -166,8 +173,7 @@ class _Worker:
         self.pipe.close()
 
     def end(self) -> None:
-        """Let it end by itself, and if it does not, end it."""
-        self.pipe.close()
+        """Let it end by itself, since its pipe is closed, and if it does not, end it."""
         self.process.join(END_WITHIN)
         self.kill()
 
@@ -183,6 +189,7 @@ def _serve(pipe: Any, number: int, stop: Any) -> None:
     os.set_inheritable(pipe.fileno(), False)  # or an engine would keep it open when this process dies
     os.setpgid(0, 0)  # with its engines, so that one signal ends all
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    signal.signal(signal.SIGTERM, lambda *_: os.killpg(0, signal.SIGKILL))
     _WorkerRobot.stop = stop
     settle(core_of(number))
     with suppress(EOFError, OSError):  # the parent has closed the pipe: there is nothing more to do
