@@ -117,8 +117,8 @@ def _process_map(
                     yield item, result
                     continue
                 deaths += 1
-                if deaths == TRIES:
-                    raise EngineError(f"workers have died {TRIES} times in turn before anything was done")
+                if deaths == TRIES * workers:  # several may die at once, and none of them be at fault
+                    raise EngineError(f"workers have died {deaths} times in turn before anything was done")
                 lost.append(item)
                 worker.kill()
                 pool[worker.number] = _Worker(worker.number, stop)
