@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from evaps.dsl import Program
+from evaps.dsl import VOCAB, Program
 
 Features = Float[Tensor, "batch pair 2 feature"]
 """For every pair of every task, the embeddings of the first observation and of the goal."""
@@ -149,3 +149,24 @@ def pad(rows: Sequence[Sequence[int]], value: int = 0) -> Int[Tensor, "row longe
     for i, row in enumerate(rows):
         out[i, : len(row)] = row
     return torch.from_numpy(out)
+
+
+class Joined(NamedTuple):
+    """Programs of a batch; their segments are counted through, from the first program to the last."""
+
+    tokens: Int[Tensor, "batch time"]
+    segments: Int[Tensor, "batch time"]
+    owner: Int[Tensor, " segment"]
+    starts: list[int]
+    """The number of each program's segment 0."""
+
+    @classmethod
+    def of(cls, programs: Sequence[Program], device: torch.device) -> Joined:
+        """Pad programs to the longest, and number their segments."""
+        counts = [len(p.segments) for p in programs]
+        starts = np.cumsum([0, *counts[:-1]]).tolist()
+        each = zip(programs, starts, strict=True)
+        segments = pad([[s + start for s in p.token_segments] for p, start in each])
+        owner = torch.from_numpy(np.repeat(np.arange(len(programs)), counts))
+        tokens = pad([VOCAB.encode(p.tokens) for p in programs])
+        return cls(tokens.to(device), segments.to(device), owner.to(device), starts)

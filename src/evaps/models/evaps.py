@@ -19,7 +19,7 @@ from torch.nn import functional as F
 from torch_geometric.nn import GATv2Conv
 
 from evaps.dsl import TOKEN_TYPES, VOCAB, Program, token_type
-from evaps.models.base import Execution, Repairer, pad
+from evaps.models.base import Execution, Joined, Repairer
 from evaps.models.encoder import PairConfig, PairEmbedding
 from evaps.models.parallel_edits import ParallelEdits
 from evaps.models.recurrent import reversal
@@ -77,20 +77,14 @@ class Batch:
     def of(cls, executions: Sequence[Execution], device: torch.device) -> Batch:
         """Join executions; programs are padded to the longest."""
         programs = [e.program for e in executions]
-        tokens = pad([VOCAB.encode(p.tokens) for p in programs])
-        counts = [len(p.segments) for p in programs]
-        starts = np.cumsum([0, *counts[:-1]]).tolist()
-        segments = pad(
-            [[s + start for s in p.token_segments] for p, start in zip(programs, starts, strict=True)]
-        )
-        offsets = np.arange(len(programs)) * tokens.shape[1]
+        joined = Joined.of(programs, device)
+        offsets = np.arange(len(programs)) * joined.tokens.shape[1]
         edges = np.concatenate([np.add(p.edges, o) for p, o in zip(programs, offsets, strict=True)])
         both = torch.from_numpy(np.concatenate([edges, edges[:, ::-1]]).T.copy())
-        owner = torch.from_numpy(np.repeat(np.arange(len(programs)), counts))
         seen = [np.concatenate([getattr(e, k).T for e in executions]) for k in ("before", "after")]
         ends = [np.stack([getattr(e, k) for e in executions]) for k in ("first", "final", "goal")]
         arrays = [torch.from_numpy(a.astype(np.int64)).to(device) for a in (*seen, *ends)]
-        return cls(tokens.to(device), both.to(device), segments.to(device), owner.to(device), *arrays)
+        return cls(joined.tokens, both.to(device), joined.segments, joined.owner, *arrays)
 
 
 class Evaps(Repairer):

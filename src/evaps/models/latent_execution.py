@@ -20,6 +20,7 @@ from torch.nn import functional as F
 from evaps.dsl import VOCAB, token_type
 from evaps.models.base import Features, Synthesizer, masked_likelihood
 from evaps.models.encoder import PairConfig, PairEmbedding
+from evaps.models.recurrent import select_hidden
 
 _ENDS = torch.tensor([token_type(t) == "action" or t in ("i)", "e)", "w)", "r)") for t in VOCAB.tokens])
 """Which tokens end a statement or a branch: there the executor runs."""
@@ -142,7 +143,5 @@ class LatentExecution(Synthesizer):
 
 
 def _select(state: LatentState, rows: Int[Tensor, " batch"]) -> LatentState:
-    pairs = state.goal.shape[1]
-    flat = (rows[:, None] * pairs + torch.arange(pairs, device=rows.device)).flatten()
-    hidden = (state.hidden[0][:, flat], state.hidden[1][:, flat])
+    hidden = select_hidden(state.hidden, rows, state.goal.shape[1])
     return LatentState(state.latent[rows], state.goal[rows], hidden)

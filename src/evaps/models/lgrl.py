@@ -18,6 +18,7 @@ from torch.nn import functional as F
 from evaps.dsl import VOCAB
 from evaps.models.base import Features, Synthesizer, masked_likelihood
 from evaps.models.encoder import PairConfig, PairEmbedding
+from evaps.models.recurrent import select_hidden
 
 
 @dataclass(frozen=True)
@@ -100,9 +101,7 @@ class LGRL(Synthesizer):
 
 
 def _select(state: LGRLState, rows: Int[Tensor, " batch"]) -> LGRLState:
-    pairs = state.pair.shape[1]
     hidden = state.hidden
     if hidden is not None:
-        flat = (rows[:, None] * pairs + torch.arange(pairs, device=rows.device)).flatten()
-        hidden = (hidden[0][:, flat], hidden[1][:, flat])
+        hidden = select_hidden(hidden, rows, state.pair.shape[1])
     return LGRLState(state.pair[rows], hidden)

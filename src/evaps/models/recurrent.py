@@ -1,9 +1,9 @@
-"""Reading tokens in both directions, without packing, which on processors is the slower way."""
+"""What the methods' LSTMs have in common: reading in both directions, and states with a row for each pair."""
 
 from __future__ import annotations
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -15,8 +15,16 @@ def reversal(real: Bool[Tensor, "batch time"]) -> Float[Tensor, "batch time time
     return F.one_hot(opposite, real.shape[1]).float()
 
 
+def select_hidden(
+    hidden: tuple[Tensor, Tensor], rows: Int[Tensor, " batch"], pairs: int
+) -> tuple[Tensor, Tensor]:
+    """The state ``[layer, batch * pair, hidden]`` of the chosen rows, with all the pairs of each."""
+    flat = (rows[:, None] * pairs + torch.arange(pairs, device=rows.device)).flatten()
+    return hidden[0][:, flat], hidden[1][:, flat]
+
+
 class BothWays(nn.Module):
-    """A bidirectional LSTM whose rows may have different lengths.
+    """A bidirectional LSTM over rows of different lengths, without packing, which is slow on processors.
 
     Args:
         size: of what is read, and of what comes out: half from each direction.

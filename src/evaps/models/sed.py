@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from evaps.dsl import VOCAB, Program
-from evaps.models.base import Execution, Repairer, pad
+from evaps.models.base import Execution, Joined, Repairer
 from evaps.models.encoder import PairConfig, PairEmbedding
 from evaps.models.recurrent import BothWays
 from evaps.models.sequential_edits import SequentialEdits
@@ -56,21 +56,15 @@ class SEDBatch:
     @classmethod
     def of(cls, executions: Sequence[Execution], device: torch.device) -> SEDBatch:
         """Join executions; programs are padded to the longest."""
-        programs = [e.program for e in executions]
-        counts = [len(p.segments) for p in programs]
-        starts = np.cumsum([0, *counts[:-1]])
-        each = list(zip(executions, starts, strict=True))
-        segments = [np.add(e.program.token_segments, start).tolist() for e, start in each]
-        events = [np.add(e.events, [0, start, 0]) for e, start in each]
+        joined = Joined.of([e.program for e in executions], device)
+        each = zip(executions, joined.starts, strict=True)
         arrays = [
-            np.repeat(np.arange(len(programs)), counts),
-            np.concatenate(events),
+            np.concatenate([np.add(e.events, [0, start, 0]) for e, start in each]),
             np.stack([e.first for e in executions]),
             np.stack([e.goal for e in executions]),
         ]
-        tokens = pad([VOCAB.encode(p.tokens) for p in programs])
         moved = [torch.from_numpy(a.astype(np.int64)).to(device) for a in arrays]
-        return cls(tokens.to(device), pad(segments).to(device), *moved)
+        return cls(joined.tokens, joined.segments, joined.owner, *moved)
 
 
 class SED(Repairer):

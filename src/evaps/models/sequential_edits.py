@@ -24,6 +24,7 @@ from evaps.dsl.alignment import align
 from evaps.dsl.sampler import MAX_TOKENS
 from evaps.models.base import pad
 from evaps.models.beam import Chosen, search
+from evaps.models.recurrent import select_hidden
 
 KEEP, DELETE = 0, 1
 INSERT, REPLACE = 2, 2 + len(VOCAB)  # plus the token's id
@@ -209,15 +210,13 @@ class SequentialEdits(nn.Module):
         hidden: tuple[Tensor, Tensor] | None = None
         owner = torch.arange(len(memory), device=memory.device)
         last = torch.full_like(owner, EDITS)
-        pairs = torch.arange(memory.shape[1], device=memory.device)
 
         def step(partials: Sequence[Edited], chosen: Chosen | None) -> Tensor:
             nonlocal hidden, owner, last
             if chosen is not None and hidden is not None:
                 rows, last = chosen
                 owner = owner[rows]
-                flat = (rows[:, None] * len(pairs) + pairs).flatten()
-                hidden = (hidden[0][:, flat], hidden[1][:, flat])
+                hidden = select_hidden(hidden, rows, memory.shape[1])
             pointers = torch.tensor([p.pointer for p in partials], device=memory.device)
             written = torch.tensor([(p.tokens or (0,))[-1] for p in partials], device=memory.device)
             told = Told(last[:, None], written[:, None], pointers[:, None])

@@ -31,8 +31,7 @@ VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "HEALTH", "AMMO2")
 """The robot's own numbers, in this order, and behind them those that stand still when the robot does."""
 MOTION = ("POSITION_Z", "VELOCITY_X", "VELOCITY_Y", "VELOCITY_Z", "VIEW_HEIGHT", "PITCH")
 TIME_LIMIT = 30.0  # seconds for a call that usually takes 0.001; longer, and the engine hangs
-MEMORY_LIMIT = 1 << 30  # bytes; it usually holds 0.1 GB
-
+MEMORY_LIMIT = 1 << 30  # bytes; it usually holds 16 MB
 
 Result = TypeVar("Result")
 
@@ -55,10 +54,7 @@ class Engine:
         wad = Path(files.name) / "arena.wad"
         wad.write_bytes(arena_wad())
         check_wad(wad)
-        cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
-        self._core = cores[os.getpid() % len(cores)] if cores else None
-        if is_settled():
-            self._core = None  # there is nothing to be changed for a turn
+        self._core = None if is_settled() else core_of(os.getpid())  # None: a turn has nothing to change
         before = None if self._core is None else _sit_down(self._core)  # its process inherits this
         try:
             self.game = start_engine(wad)
@@ -129,6 +125,14 @@ def _pid_of(wad: Path) -> int | None:
                 if str(wad) in child.cmdline():
                     return int(child.pid)
     return None
+
+
+def core_of(number: int) -> int | None:
+    """One of the cores that this process may use, by a number; None where cores cannot be chosen."""
+    if not hasattr(os, "sched_getaffinity"):
+        return None
+    cores = sorted(os.sched_getaffinity(0))
+    return cores[number % len(cores)]
 
 
 def settle(core: int | None) -> None:

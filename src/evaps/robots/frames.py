@@ -102,6 +102,11 @@ def _decompressor() -> zstandard.ZstdDecompressor:
     return zstandard.ZstdDecompressor()
 
 
+def decompress(data: bytes) -> Image:
+    """The bytes of a zstd block, flat."""
+    return np.frombuffer(_decompressor().decompress(data), np.uint8)
+
+
 @dataclass(frozen=True)
 class PackedFrame:
     """An observation compressed without loss.
@@ -128,7 +133,7 @@ class PackedFrame:
 
     def unpack(self) -> PaletteFrame | RgbFrame:
         """The observation, equal byte for byte."""
-        planes = np.frombuffer(_decompressor().decompress(self.data), np.uint8)
+        planes = decompress(self.data)
         pixels = self.size[0] * self.size[1]
         depth = planes[-pixels:].reshape(self.size)
         if self.palette is None:

@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 
 from evaps.dsl import UserError
 from evaps.robots.base import EngineError
-from evaps.robots.engine import settle
+from evaps.robots.engine import core_of, settle
 from evaps.robots.memo import MemoRobot
-from evaps.robots.workers import TRIES, RobotConfig, Workers, call, core_of
+from evaps.robots.workers import TRIES, RobotConfig, Workers, call
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

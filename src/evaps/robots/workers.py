@@ -7,7 +7,7 @@ import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -16,7 +16,7 @@ from typing import Any, ClassVar, TypeVar
 
 from evaps.robots.base import EngineError, Scene
 from evaps.robots.doom import DoomRobot
-from evaps.robots.engine import interrupts_blocked, settle
+from evaps.robots.engine import core_of, interrupts_blocked, settle
 from evaps.robots.memo import MemoRobot
 
 Item = TypeVar("Item")
@@ -229,14 +229,6 @@ class _WorkerRobot(DoomRobot):
     def _check(self) -> None:
         if self.stop is not None and self.stop.value:
             raise _Stopped
-
-
-def core_of(number: int) -> int | None:
-    """The core for a worker of this machine, by its number; None where cores cannot be chosen."""
-    if not hasattr(os, "sched_getaffinity"):
-        return None
-    cores: Sequence[int] = sorted(os.sched_getaffinity(0))
-    return cores[number % len(cores)]
 
 
 def _end_with_parent() -> None:

@@ -11,7 +11,7 @@ import zstandard
 from torch import Tensor
 
 from evaps.robots.engine import HEIGHT, WIDTH, doom_palette
-from evaps.robots.frames import Observation, PaletteFrame, words_of
+from evaps.robots.frames import Observation, PaletteFrame, decompress, words_of
 
 LEVEL = 5  # the twelve frames of a task: 93 KB in 3.7 ms; level 3: 95 KB in 1.8 ms; one by one: 123 KB
 
@@ -20,11 +20,6 @@ LEVEL = 5  # the twelve frames of a task: 93 KB in 3.7 ms; level 3: 95 KB in 1.8
 def _compressor() -> zstandard.ZstdCompressor:
     window = zstandard.ZstdCompressionParameters.from_level(LEVEL, window_log=20)  # back to the first frame
     return zstandard.ZstdCompressor(compression_params=window)
-
-
-@cache
-def _decompressor() -> zstandard.ZstdDecompressor:
-    return zstandard.ZstdDecompressor()
 
 
 def pack_frames(frames: Sequence[Observation]) -> bytes:
@@ -48,7 +43,7 @@ def pack_frames(frames: Sequence[Observation]) -> bytes:
 
 def unpack_frames(packed: bytes) -> list[PaletteFrame]:
     """The inverse of :func:`pack_frames`."""
-    planes = np.frombuffer(_decompressor().decompress(packed), np.uint8).reshape(2, -1, HEIGHT, WIDTH)
+    planes = decompress(packed).reshape(2, -1, HEIGHT, WIDTH)
     return [PaletteFrame(indices, depth, doom_palette()) for indices, depth in zip(*planes, strict=True)]
 
 

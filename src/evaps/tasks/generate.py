@@ -109,7 +109,7 @@ def _runs(
     """
     runs: list[Run] = []
     asked: dict[str, list[Seen]] = {}
-    useful = 0
+    useful, closed = 0, program.program
     for tried, scene in enumerate(scenes, start=1):
         robot.reset(scene)
         start = robot.state()
@@ -128,7 +128,7 @@ def _runs(
             pass
         if tried - useful > 1 + useful // 2:  # runs that do not halt are the dearest
             return [], {}
-        if useful > EXAMPLES and (asked or choose_runs(program.program, runs)):
+        if useful > EXAMPLES and (asked or choose_runs(closed, runs)):
             break
     return runs, asked
 

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from evaps.dsl.sampler import PERCEPTION_KEYS
-from evaps.dsl.vocab import VOCAB, token_type
+from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.robots.base import WorldState
 from evaps.robots.memo import MemoRobot
-from evaps.tasks.dataset import SPLITS, Dataset, DatasetError
+from evaps.tasks.dataset import PART, SPLITS, Dataset, DatasetError
 from evaps.tasks.render import run_again
 
 STEP_BUCKETS = ("2", "3", "4", "5", "6", "7+")
@@ -58,7 +57,6 @@ def summarize(dataset: Dataset) -> Summary:
     asked = [set(map(" ".join, pairwise(tokens))) for tokens in programs]
     splits = Counter(dataset.rows.column("split"))
     found = Counter(STEP_BUCKETS[min(n, 7) - 2] for n in steps)
-    actions = [token for token in VOCAB.tokens if token_type(token) == "action"]
     return Summary(
         dataset.identity,
         {split: splits[split] for split in SPLITS},
@@ -67,7 +65,7 @@ def summarize(dataset: Dataset) -> Summary:
         {bucket: found[bucket] for bucket in STEP_BUCKETS},
         control,
         {key: sum(key in pairs for pairs in asked) for key in PERCEPTION_KEYS},
-        {action: sum(action in found for found in words) for action in actions},
+        {action: sum(action in found for found in words) for action in ACTIONS},
         dict(_sizes(dataset)),
     )
 
@@ -78,7 +76,7 @@ def _range(values: Sequence[int]) -> tuple[int, float, int]:
 
 def _sizes(dataset: Dataset) -> list[tuple[str, float]]:
     sizes = [("tasks.parquet", (dataset.folder / "tasks.parquet").stat().st_size / len(dataset))]
-    per_part = dataset.identity.get("part", 100)
+    per_part = dataset.identity.get("part", PART)
     for room in ("frames", "traces"):
         files = list((dataset.folder / room).glob("*.parquet"))
         if files:

@@ -9,8 +9,7 @@ import numpy as np
 
 from evaps.dsl import Program
 from evaps.dsl.interpreter import unwrapped
-from evaps.dsl.nodes import Body, Condition, IfElse, Not, Perception, While
-from evaps.dsl.program import If
+from evaps.dsl.nodes import Body, Condition, If, IfElse, Not, Perception, While
 from evaps.dsl.sampler import PERCEPTION_KEYS, PERCEPTIONS
 from evaps.robots.memo import MemoRobot, RememberedView
 

@@ -27,8 +27,6 @@ from evaps.tasks.dataset import (
 from evaps.tasks.frames import pack_frames
 from evaps.tasks.parts import ROBOT, Files, make_parts
 
-RENDERING = replace(ROBOT, eager=False)  # in the middle of a run nobody looks, unless its trace is wanted
-
 
 @dataclass(frozen=True)
 class Rendering:
@@ -60,7 +58,6 @@ def render_part(robot: MemoRobot, rendering: Rendering) -> Files:
     Raises:
         DatasetError: a program no longer does or shows what the data set says.
     """
-    robot.eager = rendering.traces
     row, schema = (_trace_row, TRACE_SCHEMA) if rendering.traces else (_end_row, FRAME_SCHEMA)
     return {rendering.path: rows_bytes([row(task, robot) for task in rendering.rows], schema)}
 
@@ -118,5 +115,6 @@ def render(folder: Path, workers: Workers, traces: bool = False) -> int:
     write_identity(folder, identity["tasks"], identity["seed"], size)
     numbers = sorted(int(path.stem.rpartition("-")[2]) for path in folder.glob("parts/tasks-*.parquet"))
     parts = [Rendering(Part(folder, 0, number, size), traces) for number in numbers]  # a shard's have gaps
-    make_parts(render_part, parts, workers, "tasks", size, Rendering.loaded, RENDERING)
+    robot = replace(ROBOT, eager=traces)  # in the middle of a run nobody looks, unless its trace is wanted
+    make_parts(render_part, parts, workers, "tasks", size, Rendering.loaded, robot)
     return len(parts) * size
