@@ -194,6 +194,12 @@ def test_wrong_arguments_are_refused(folder: Path, arguments: str) -> None:
     assert len(done.stderr.splitlines()) == 1
 
 
+def test_a_reader_that_has_seen_enough_is_no_error() -> None:
+    command = f"{sys.executable} -m evaps generate --help | head -c 1"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60)
+    assert (done.stdout, done.stderr) == ("u", "")
+
+
 def test_debug_shows_where(folder: Path) -> None:
     done = evaps("--debug", "run", "--program", "none", "--scene", "scene", folder=folder)
     assert done.returncode == 2

@@ -1,6 +1,7 @@
 """From a seed to frames and traces on the command line, on local processes and on Ray, and what is in it."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -43,10 +44,20 @@ def test_frames_and_traces_are_rendered(folder: Path, tmp_path: Path) -> None:
     bare = tmp_path / "bare"
     evaps("generate", bare, "--tasks", TASKS, "--seed", 4, "--no-frames")
     assert sorted(p.name for p in bare.iterdir()) == ["dataset.json", "parts", "tasks.parquet"]
-    assert "100 tasks with frames" in evaps("render", bare)
+    assert f"{TASKS} tasks with frames" in evaps("render", bare)
     assert contents(bare) == contents(folder)
-    assert "100 tasks with traces" in evaps("render", bare, "--traces")
+    assert f"{TASKS} tasks with traces" in evaps("render", bare, "--traces")
     assert pq.read_metadata(bare / "traces" / "traces-00000.parquet").num_rows == 100
+
+
+def test_the_page_about_data_sets_runs(folder: Path, tmp_path: Path) -> None:
+    """Its Python, word by word."""
+    blocks = re.findall(r"```python\n(.*?)```", Path("docs/data.md").read_text(), re.DOTALL)
+    assert len(blocks) == 3
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "small").symlink_to(folder)
+    for block in blocks:
+        subprocess.run([sys.executable, "-c", block], cwd=tmp_path, check=True, timeout=120)
 
 
 def test_info_counts_and_checks(folder: Path) -> None:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 import torch
 
 from evaps.dsl import Program, UserError, run
@@ -27,6 +26,7 @@ from evaps.robots.workers import TWO, Workers
 from evaps.synthesis.repair import synthesize_with
 from evaps.synthesis.solution import Solution
 from evaps.tasks.dataset import SPLITS, Dataset, TaskPart, rows_bytes, table_bytes, task_parts
+from evaps.tasks.files import read_table
 from evaps.tasks.identity import code_version, short_hash
 from evaps.tasks.parts import Files, make_parts
 from evaps.tasks.task import EXAMPLES, GoldTask
@@ -211,7 +211,7 @@ def evaluate(
         return replace(part, tasks=part.tasks.loaded(dataset))
 
     paths = make_parts(evaluate_part, parts, workers, "tasks judged", PART, load)
-    table = pa.concat_tables([pq.read_table(path) for path in paths]).combine_chunks()
+    table = pa.concat_tables([read_table(path) for path in paths]).combine_chunks()
     write_atomically(out, table_bytes(table))
     shutil.rmtree(folder)
     return out

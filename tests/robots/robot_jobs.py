@@ -56,6 +56,13 @@ def die(robot: MemoRobot, seed: int) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def die_of_one(robot: MemoRobot, seed: int) -> int:
+    """The item 5 is one that no worker survives."""
+    if seed == 5:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return seed
+
+
 def fail(robot: MemoRobot, item: int) -> None:
     raise LookupError(f"item {item} cannot be done")
 

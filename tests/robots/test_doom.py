@@ -470,6 +470,25 @@ class TestDeath:
         assert self.engine_of(robot) != pid
         robot.close()
 
+    def test_a_stopped_engine_can_be_closed(self, engines: Engines) -> None:
+        others = engines(os.getpid())
+        robot = DoomRobot()
+        robot.reset(crowded_scene(3))
+        os.kill(self.engine_of(robot), signal.SIGSTOP)
+        robot.close()
+        assert engines(os.getpid()) == others
+
+    def test_a_fault_of_ours_is_not_taken_for_its_death(self) -> None:
+        robot = DoomRobot()
+        robot.reset(crowded_scene(3))
+        pid = self.engine_of(robot)
+        assert robot._engine is not None
+        with pytest.raises(ZeroDivisionError):
+            robot._engine.call(lambda _: 1 / 0)
+        robot.act("ATTACK")
+        assert self.engine_of(robot) == pid
+        robot.close()
+
     def test_an_engine_that_grows_is_replaced(self, monkeypatch: pytest.MonkeyPatch) -> None:
         robot = DoomRobot()
         robot.reset(crowded_scene(3))

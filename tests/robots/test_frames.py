@@ -85,6 +85,26 @@ def test_a_store_keeps_the_latest_within_its_budget() -> None:
     assert (store.size, store.get(digest(frames[-1]))) == (0, None)
 
 
+def test_looking_at_colours_takes_no_memory() -> None:
+    store = FrameStore(budget=100 * BYTES)
+    for _ in range(5):
+        one = frame()
+        store.put(digest(one), one)
+        assert one.rgb.shape == (12, 16, 3)
+    held = [value for one in store._plain.values() for value in vars(one).values() if value is not PALETTE]
+    assert sum(value.nbytes for value in held if isinstance(value, np.ndarray)) == store.size
+
+
+def test_what_is_put_once_more_was_used() -> None:
+    store = FrameStore(budget=12 * BYTES)
+    frames = [frame() for _ in range(20)]
+    for one in frames:
+        store.put(digest(one), one)
+        store.put(digest(frames[0]), frames[0])
+    assert store.get(digest(frames[0])) is not None
+    assert store.get(digest(frames[1])) is None
+
+
 def test_what_is_used_stays() -> None:
     store = FrameStore(budget=12 * BYTES)
     frames = [frame() for _ in range(20)]

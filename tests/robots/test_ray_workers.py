@@ -61,6 +61,14 @@ def test_an_item_that_kills_every_worker_is_told(address: str) -> None:
         list(robot_map(die, [0], Workers(1, "ray", address), CONFIG))
 
 
+def test_more_workers_than_the_cluster_has_processors_are_told(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("evaps.robots.ray_workers.PLACED_WITHIN", 5.0)
+    with pytest.raises(UserError, match=r"\d of 5 workers found a free processor .* --workers"):
+        list(robot_map(random_run, ITEMS, Workers(5, "ray", address), CONFIG))
+
+
 def test_a_cluster_that_is_not_there_is_one_line() -> None:
     with pytest.raises(UserError, match="no Ray cluster at 'nowhere'") as error:
         list(robot_map(random_run, ITEMS, Workers(1, "ray", "nowhere"), CONFIG))

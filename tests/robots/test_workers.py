@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from robot_jobs import die, die_once, fail, lose_the_engine_once, random_run
+from robot_jobs import die_of_one, die_once, fail, lose_the_engine_once, random_run
 
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.base import EngineError
@@ -73,8 +73,10 @@ def living_groups() -> set[int]:
 
 
 def test_an_item_that_kills_every_worker_is_told() -> None:
-    with pytest.raises(EngineError, match="workers have died 3 times in turn"):
-        list(robot_map(die, [0], Workers(1), CONFIG))
+    done = []
+    with pytest.raises(EngineError, match="3 workers have died one after the other of the same work"):
+        done.extend(robot_map(die_of_one, [5, *range(4)], Workers(1), CONFIG))
+    assert not done, "it is told at once, not when everything else is done"
 
 
 @pytest.mark.parametrize("workers", [0, 1])
@@ -154,9 +156,20 @@ def test_a_second_ctrl_c_leaves_no_engine_behind_either(engines: Engines, tmp_pa
     assert wait_for(lambda: all_gone(started), 10)
 
 
-def test_a_killed_parent_leaves_no_worker_behind(engines: Engines, tmp_path: Path) -> None:
-    job, started = start_job(tmp_path, 2, engines)
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_killed_parent_leaves_nothing_behind(engines: Engines, tmp_path: Path, workers: int) -> None:
+    job, started = start_job(tmp_path, workers, engines)
     children = Path(f"/proc/{job.pid}/task/{job.pid}/children").read_text().split()
+    traces = [trace for pid in started for trace in traces_of(pid)]
+    assert len(traces) >= 2 * len(started)
     job.kill()
     job.communicate(timeout=60)
     assert wait_for(lambda: all_gone({*started, *map(int, children)}), 10)
+    assert wait_for(lambda: not any(path.exists() for path in traces), 10)
+
+
+def traces_of(pid: int) -> list[Path]:
+    """The folder of an engine's files, and the files of the memory that it shares."""
+    arguments = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+    instance = arguments[arguments.index("+viz_instance_id") + 1]
+    return [Path(arguments[arguments.index("-file") + 1]).parent, *Path("/dev/shm").glob(f"*{instance}")]

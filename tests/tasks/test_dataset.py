@@ -25,9 +25,10 @@ from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import Workers
 from evaps.synthesis.solution import attempt
 from evaps.tasks.build import generate
-from evaps.tasks.dataset import Dataset, DatasetError, split_of, task_parts
+from evaps.tasks.dataset import Dataset, split_of, task_parts
 from evaps.tasks.frames import unpack_frames
 from evaps.tasks.info import check, summarize
+from evaps.tasks.manifest import DatasetError
 from evaps.tasks.render import render
 
 TASKS, PART, SEED = 18, 6, 7
@@ -94,6 +95,49 @@ def test_frames_that_were_left_out_are_rendered_to_the_same_bytes(folder: Path, 
         list(Dataset(bare).frames([0]))
     assert render(bare, workers=Workers(1)) == TASKS
     assert files(bare) == files(folder)
+
+
+def test_frames_that_were_left_out_are_made_when_they_are_wanted(folder: Path, tmp_path: Path) -> None:
+    bare = tmp_path / "bare"
+    generate(bare, TASKS, SEED, workers=Workers(0), part=PART, frames=False)
+    generate(bare, TASKS, SEED, workers=Workers(0), part=PART)
+    assert files(bare) == files(folder)
+
+
+def test_the_table_alone_is_enough_to_render(folder: Path, tmp_path: Path) -> None:
+    for name in ("dataset.json", "tasks.parquet"):
+        shutil.copy(folder / name, tmp_path)
+    assert render(tmp_path, Workers(0)) == TASKS
+    assert files(tmp_path) == {k: v for k, v in files(folder).items() if not k.startswith("parts")}
+
+
+def test_there_is_nothing_to_render_in_a_folder_without_tasks(folder: Path, tmp_path: Path) -> None:
+    shutil.copy(folder / "dataset.json", tmp_path)
+    with pytest.raises(DatasetError, match="has no tasks yet; make them with: evaps generate"):
+        render(tmp_path, Workers(0))
+
+
+def test_a_larger_set_that_is_not_complete_yet_is_not_opened(copy: Path) -> None:
+    identity = json.loads((copy / "dataset.json").read_text())
+    (copy / "dataset.json").write_text(json.dumps({**identity, "tasks": TASKS + 1}))  # and then interrupted
+    with pytest.raises(DatasetError, match=f"has {TASKS} of {TASKS + 1} tasks; go on with: evaps generate"):
+        Dataset(copy)
+
+
+@pytest.mark.parametrize("name", ["tasks.parquet", "frames/frames-00000.parquet"])
+def test_a_damaged_file_is_one_line(copy: Path, name: str) -> None:
+    path = copy / name
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(DatasetError, match=f"{path.name} is damaged") as error:
+        list(Dataset(copy).frames([0]))
+    assert "\n" not in str(error.value)
+
+
+def test_a_damaged_part_is_one_line(copy: Path) -> None:
+    path = copy / "parts" / "tasks-00001.parquet"
+    path.write_bytes(b"")
+    with pytest.raises(DatasetError, match=f"{path.name} is damaged"):
+        generate(copy, TASKS, SEED, workers=Workers(0), part=PART)
 
 
 def test_fewer_tasks_than_there_are_do_not_throw_any_away(copy: Path) -> None:
@@ -299,6 +343,7 @@ def test_another_data_set_is_refused_and_left_alone(
         ("dataset.json", "[]", "expected an object with the seed"),
         ("dataset.json", "{}", "has format None, not 2"),
         ("dataset.json", '{"format": 2, "robot": "karel"}', "has robot karel, not doom"),
+        ("dataset.json", '{"tasks": "x"}', "tasks must be a whole number, not 'x'"),
     ],
 )
 def test_a_foreign_folder_is_refused_and_left_alone(

@@ -49,7 +49,7 @@ def exit_status(command: Command, debug: bool = False) -> int:
     except KeyboardInterrupt:
         return _end(INTERRUPTED, command.stopped, debug)
     except BrokenPipeError:  # whoever reads our output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        close_output()
         return FAILED
     except UserError as error:
         return _end(WRONG_INPUT, str(error), debug)
@@ -58,6 +58,11 @@ def exit_status(command: Command, debug: bool = False) -> int:
     except Exception as error:
         hint = "" if debug else " (evaps --debug COMMAND ... shows where)"
         return _end(FAILED, f"unexpected {type(error).__name__}: {error}{hint}", debug)
+
+
+def close_output() -> None:
+    """Nobody reads standard output any more; Python need not complain about it when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _end(status: int, message: str, debug: bool) -> int:

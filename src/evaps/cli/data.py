@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from evaps.cli.command import Command
 from evaps.cli.inputs import Folder, check_least
@@ -25,7 +25,7 @@ class Data(Command):
     the data set says.
     """
 
-    what: Positional[Literal["info"]]
+    what: Annotated[Positional[Literal["info"]], arg(metavar="info")]
     """What to do with it."""
     folder: Positional[Folder]
     """Folder of the data set, from `evaps generate`."""

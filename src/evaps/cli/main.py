@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from contextlib import redirect_stderr
+from contextlib import redirect_stderr, suppress
 from dataclasses import dataclass
 from io import StringIO
 from itertools import takewhile
@@ -14,7 +14,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, OmitSubcommandPrefixes, subcommand
 
 from evaps.cli.bench import Bench
-from evaps.cli.command import exit_status
+from evaps.cli.command import FAILED, close_output, exit_status
 from evaps.cli.data import Data
 from evaps.cli.evaluate import Evaluate
 from evaps.cli.generate import Generate, Render
@@ -61,7 +61,12 @@ def main(args: Sequence[str] | None = None) -> int:
     try:
         with redirect_stderr(complaint):
             evaps = tyro.cli(Evaps, prog="evaps", args=args, config=config)
+    except BrokenPipeError:  # whoever reads the help has seen enough
+        close_output()
+        return FAILED
     except SystemExit:
+        with suppress(BrokenPipeError):
+            sys.stdout.flush()
         if complaint.getvalue():
             print(f"evaps: {_first_part(complaint.getvalue())}", file=sys.stderr)
         raise
@@ -72,5 +77,5 @@ def _first_part(box: str) -> str:
     """What is wrong, from the first part of the box in which tyro says it, in one line."""
     lines = [line.strip("│ ") for line in box.splitlines() if not line.startswith(("╭", "╰"))]
     said = takewhile(lambda line: not line.startswith("─"), lines)
-    what = " ".join(" ".join(said).split()).rstrip(".")
+    what = " ".join(" ".join(said).split()).rstrip(".").replace("'command.", "'")
     return f"{what}; evaps --help and evaps COMMAND --help list what there is"

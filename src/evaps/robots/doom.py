@@ -255,6 +255,8 @@ class DoomRobot(Robot):
             game.advance_action(self._waiting, True)
         self._waiting, self._fired = 0, False
         seen = game.get_state()
+        if seen is None:
+            raise EngineError("the ViZDoom engine has died (it shows nothing any more)")
         clips = [(o.position_x, o.position_y) for o in seen.objects if o.name == CLIP]
         x, y = seen.game_variables[:2]
         self._to_clip = _furthest_axis(x, y, clips)

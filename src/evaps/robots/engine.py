@@ -22,6 +22,7 @@ import psutil
 
 from evaps.robots.base import EngineError
 from evaps.robots.frames import Image
+from evaps.robots.guard import GUARD
 from evaps.robots.wad import arena_wad, unpack
 
 WIDTH, HEIGHT = 160, 120
@@ -55,13 +56,11 @@ class Engine:
         wad.write_bytes(arena_wad())
         check_wad(wad)
         self._core = None if is_settled() else core_of(os.getpid())  # None: a turn has nothing to change
-        before = None if self._core is None else _sit_down(self._core)  # its process inherits this
-        try:
+        GUARD.add(files.name)
+        with self._at_its_core():  # which its process inherits
             self.game = start_engine(wad)
-        finally:
-            if before is not None:
-                _stand_up(*before)
         self.pid = _pid_of(wad)
+        GUARD.add(files.name, self.pid, _shared_memory(self.pid))
         self._watch = _Watch(self.pid, time_limit)
         self.close = weakref.finalize(self, _end, self.game, files, self._watch)
         """End the process."""
@@ -74,14 +73,21 @@ class Engine:
         Raises:
             EngineError: the engine has died, or was killed since it hung.
         """
+        with self._at_its_core():
+            self._watch.since = time.monotonic()
+            try:
+                return work(self.game)
+            except _engine_errors() as error:
+                raise EngineError(f"the ViZDoom engine has died ({_one_line(error)})") from error
+            finally:
+                self._watch.since = None
+
+    @contextmanager
+    def _at_its_core(self) -> Iterator[None]:
         before = None if self._core is None else _sit_down(self._core)
-        self._watch.since = time.monotonic()
         try:
-            return work(self.game)
-        except Exception as error:
-            raise EngineError(f"the ViZDoom engine has died ({_one_line(error)})") from error
+            yield
         finally:
-            self._watch.since = None
             if before is not None:
                 _stand_up(*before)
 
@@ -95,7 +101,10 @@ class Engine:
 
 
 class _Watch:
-    """Kills an engine that takes too long for a call: the call then raises, as if the engine had died."""
+    """Kills an engine that takes too long for a call: the call then raises, as if the engine had died.
+
+    Its start is not watched: vizdoom 1.3 itself faults if an engine dies before it has answered.
+    """
 
     def __init__(self, pid: int | None, limit: float) -> None:
         self.pid, self.limit = pid, limit
@@ -112,9 +121,14 @@ class _Watch:
 
 
 def _end(game: Any, files: tempfile.TemporaryDirectory[str], watch: _Watch) -> None:
+    """Kill it: it has nothing to save, and one that hangs would let no thread of this process go on."""
     watch.over.set()
+    if watch.pid is not None:
+        with suppress(OSError):
+            os.kill(watch.pid, signal.SIGKILL)
     game.close()
     files.cleanup()
+    GUARD.remove(files.name)
 
 
 def _pid_of(wad: Path) -> int | None:
@@ -125,6 +139,15 @@ def _pid_of(wad: Path) -> int | None:
                 if str(wad) in child.cmdline():
                     return int(child.pid)
     return None
+
+
+def _shared_memory(pid: int | None) -> list[str]:
+    """What the engine shares with this process, by its name in the list of files, where there is one."""
+    with suppress(psutil.Error, OSError, ValueError):
+        arguments = psutil.Process(pid).cmdline()
+        instance = arguments[arguments.index("+viz_instance_id") + 1]
+        return [str(path) for path in Path("/dev/shm").glob(f"ViZDoom*{instance}")]
+    return []
 
 
 def core_of(number: int) -> int | None:
@@ -189,6 +212,15 @@ def start_engine(wad: Path) -> Any:
     except Exception as error:
         raise EngineError(f"the ViZDoom engine cannot start: {_one_line(error)}") from error
     return game
+
+
+@cache
+def _engine_errors() -> tuple[type[Exception], ...]:
+    """What calls raise when the engine is not there any more; anything else is a fault of ours."""
+    vizdoom = _vizdoom()
+    names = ("ViZDoomErrorException", "ViZDoomIsNotRunningException", "ViZDoomUnexpectedExitException")
+    more = ("MessageQueueException", "SharedMemoryException")
+    return tuple(getattr(vizdoom, name) for name in (*names, *more))
 
 
 def _vizdoom() -> Any:

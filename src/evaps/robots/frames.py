@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -50,9 +50,9 @@ class PaletteFrame:
     depth: Image
     palette: Image  # [256, 3]
 
-    @cached_property
+    @property
     def rgb(self) -> Image:
-        """Colours, looked up when they are first asked for."""
+        """Colours, looked up whenever they are asked for: kept, they would take three times the memory."""
         return self.palette[self.indices]
 
     @cached_property
@@ -161,7 +161,7 @@ class FrameStore:
 
     def put(self, key: bytes, frame: Observation) -> None:
         """Keep a frame; what was not used for longest makes room for it."""
-        if key in self._plain or key in self._packed:
+        if self._use(key) is not None:
             return
         self._plain[key] = frame
         self._plain_bytes += _bytes(frame)
@@ -176,12 +176,16 @@ class FrameStore:
 
     def get(self, key: bytes) -> Observation | None:
         """The frame, if it is still there."""
-        if key in self._plain:
-            self._plain.move_to_end(key)
-            return self._plain[key]
-        if key in self._packed:
-            self._packed.move_to_end(key)
-            return self._packed[key].unpack()
+        found = self._use(key)
+        return found.unpack() if isinstance(found, PackedFrame) else found
+
+    def _use(self, key: bytes) -> Observation | PackedFrame | None:
+        """What is held of it, which now was used last."""
+        held: OrderedDict[bytes, Any]
+        for held in (self._plain, self._packed):
+            if key in held:
+                held.move_to_end(key)
+                return held[key]  # type: ignore[no-any-return]
         return None
 
     def clear(self) -> None:

@@ -215,7 +215,10 @@ class MemoRobot(Robot):
 
     @contextmanager
     def known_only(self) -> Iterator[None]:
-        """In here nothing is simulated: an action that leads to where nobody was yet is an error."""
+        """In here an action that leads to where nobody was yet is an error.
+
+        Without ``eager``, a look at a place that nobody has looked at still brings a robot there.
+        """
         self._simulates = False
         try:
             yield

@@ -4,37 +4,44 @@ from __future__ import annotations
 
 import logging
 import os
-import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
 from evaps.dsl import UserError
 from evaps.robots.base import EngineError
-from evaps.robots.engine import core_of, settle
+from evaps.robots.engine import core_of, is_settled, settle
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import TRIES, RobotConfig, Workers, call
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
+PLACED_WITHIN = 60.0  # seconds that a cluster has to find a processor for each worker
+
 
 class RayWorker:
     """An actor with robots of its own; Ray starts it again if its process dies."""
 
-    def place(self, number: int | None = None) -> str:
-        """The node that it runs on; a number binds it to the core with this number.
-
-        Actors run their methods on one thread each, which is what is bound.
-        """
+    def node(self) -> str:
+        """The node that it runs on."""
         import ray
 
-        if number is not None and threading.current_thread() is threading.main_thread():
-            settle(core_of(number))
         return str(ray.get_runtime_context().get_node_id())
 
-    def call(self, function: Callable[[MemoRobot, Item], Result], item: Item, config: RobotConfig) -> Result:
-        """Do one item."""
+    def call(
+        self,
+        function: Callable[[MemoRobot, Item], Result],
+        item: Item,
+        config: RobotConfig,
+        number: int,
+    ) -> Result:
+        """Do one item, on the node's core with this number.
+
+        Actors run their methods on one thread each, which is what is bound to the core.
+        """
+        if not is_settled():
+            settle(core_of(number))
         return call(function, item, config)
 
 
@@ -51,19 +58,20 @@ def ray_map(
 
     Raises:
         EngineError: an item kills one worker after the other.
-        UserError: ray is not installed, or there is no such cluster.
+        UserError: ray is not installed, there is no such cluster, or it has too few free processors.
     """
-    ray, is_ours = _connect(workers.address)
-    actors: list[Any] = []
+    count = max(1, workers.count)
+    ray, is_ours = _connect(workers.address, count)
+    actors: dict[Any, int] = {}
     try:
-        actors = _actors(ray, max(1, workers.count))
+        actors = _actors(ray, count)
         idle, running = list(actors), {}
         source = iter(items)
         while True:
             while idle:
                 for item in source:
                     actor = idle.pop()
-                    running[actor.call.remote(function, item, config)] = actor, item
+                    running[actor.call.remote(function, item, config, actors[actor])] = actor, item
                     break
                 else:
                     break
@@ -80,8 +88,9 @@ def ray_map(
             ray.shutdown()
 
 
-def _connect(address: str | None) -> tuple[Any, bool]:
+def _connect(address: str | None, workers: int) -> tuple[Any, bool]:
     """Ray, and whether the connection is ours to close: a program that has one keeps it."""
+    address = address or os.environ.get("RAY_ADDRESS")
     try:
         import ray
     except ImportError:
@@ -91,7 +100,8 @@ def _connect(address: str | None) -> tuple[Any, bool]:
     try:
         # "local": else Ray may join whatever cluster somebody else has started on this machine
         ray.init(
-            address or os.environ.get("RAY_ADDRESS") or "local",
+            address or "local",
+            num_cpus=None if address else workers,
             log_to_driver=False,
             logging_level=logging.ERROR,
             include_dashboard=False,
@@ -102,16 +112,25 @@ def _connect(address: str | None) -> tuple[Any, bool]:
     return ray, True
 
 
-def _actors(ray: Any, count: int) -> list[Any]:
-    """So many workers, those of one node on different cores of it."""
+def _actors(ray: Any, count: int) -> dict[Any, int]:
+    """So many workers, each with a number that no other has on its node."""
     actor_class = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=TRIES)(RayWorker)
     actors = [actor_class.remote() for _ in range(count)]
-    nodes = ray.get([actor.place.remote() for actor in actors])
+    asked = [actor.node.remote() for actor in actors]
+    placed, waiting = ray.wait(asked, num_returns=count, timeout=PLACED_WITHIN)
+    if waiting:
+        for actor in actors:
+            ray.kill(actor)
+        raise UserError(
+            f"{len(placed)} of {count} workers found a free processor in the Ray cluster within "
+            f"{PLACED_WITHIN:.0f} s; ask for fewer with --workers"
+        )
     numbers: Counter[str] = Counter()
-    for actor, node in zip(actors, nodes, strict=True):
-        actor.place.remote(numbers[node])
+    placement = {}
+    for actor, node in zip(actors, ray.get(asked), strict=True):
+        placement[actor] = numbers[node]
         numbers[node] += 1
-    return actors
+    return placement
 
 
 def _result(ray: Any, done: Any) -> Any:

@@ -7,6 +7,7 @@ import os
 import pickle
 import signal
 import threading
+import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ Result = TypeVar("Result")
 END_WITHIN = 30.0  # seconds that a worker has to end by itself, with all its engines
 _END = object()
 _SPAWN = multiprocessing.get_context("spawn")  # torch and forks do not go together
-TRIES = 3  # how often a worker may die in turn without anything being done
+TRIES = 3  # workers that an item may cost
 BACKENDS = ("local", "ray")
 """Where workers run: processes on this machine, or a Ray cluster."""
 
@@ -97,29 +98,28 @@ def _process_map(
     function: Callable[[MemoRobot, Item], Result], items: Iterable[Item], workers: int, config: RobotConfig
 ) -> Iterator[tuple[Item, Result]]:
     source: Iterator[Any] = iter(items)
-    lost: list[Any] = []  # what workers were doing when they died
-    deaths = 0
+    lost: list[tuple[Any, int]] = []  # what workers were doing when they died, and how many it has cost
     stop = _SPAWN.RawValue("b", 0)  # without a lock, which a worker could take with it when it dies
     pool = [_Worker(number, stop) for number in range(workers)]
-    busy: dict[_Worker, Any] = {}
+    busy: dict[_Worker, tuple[Any, int]] = {}
     try:
         while True:
             for worker in pool:
-                if worker not in busy and (item := lost.pop() if lost else next(source, _END)) is not _END:
-                    busy[worker] = item
-                    worker.give((function, item, config))
+                if worker not in busy:
+                    item, deaths = lost.pop() if lost else (next(source, _END), 0)
+                    if item is not _END:
+                        busy[worker] = item, deaths
+                        worker.give((function, item, config))
             if not busy:
                 return
             for worker in _ready(busy):
-                item, (done, result) = busy.pop(worker), worker.take()
+                (item, deaths), (done, result) = busy.pop(worker), worker.take()
                 if done:
-                    deaths = 0
                     yield item, result
                     continue
-                deaths += 1
-                if deaths == TRIES * workers:  # several may die at once, and none of them be at fault
-                    raise EngineError(f"workers have died {deaths} times in turn before anything was done")
-                lost.append(item)
+                if deaths + 1 == TRIES:
+                    raise EngineError(f"{TRIES} workers have died one after the other of the same work")
+                lost.append((item, deaths + 1))
                 worker.kill()
                 pool[worker.number] = _Worker(worker.number, stop)
     finally:
@@ -202,6 +202,7 @@ def _answer(function: Callable[..., Any], item: Any, config: RobotConfig) -> tup
     try:
         return call(function, item, config), None
     except Exception as error:
+        error.add_note(f"In a worker:\n{traceback.format_exc()}")  # it does not travel by itself
         try:
             pickle.loads(pickle.dumps(error))
         except Exception:

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 import torch
 
 from evaps.dsl import Program
@@ -23,6 +22,7 @@ from evaps.robots.workers import Workers
 from evaps.synthesis.features import FeatureTable, array_bytes
 from evaps.synthesis.solution import attempt_all
 from evaps.tasks.dataset import Dataset, TaskPart, rows_bytes, task_parts
+from evaps.tasks.files import read_table
 from evaps.tasks.parts import Files, make_parts
 from evaps.tasks.task import GoldTask
 
@@ -159,7 +159,7 @@ class Mistakes:
         tables: list[np.ndarray[Any, np.dtype[np.float16]]] = []
         offset = 0
         for path in paths:
-            for row in pq.read_table(path).to_pylist():
+            for row in read_table(path).to_pylist():
                 executions.append(_execution(row, offset))
                 targets.append(Program.parse(row["target"]))
                 stages.append(row["stage"])

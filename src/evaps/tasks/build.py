@@ -2,39 +2,34 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from evaps.dsl.sampler import SamplerConfig
 from evaps.files import write_atomically
-from evaps.robots.doom import ROBOT
-from evaps.robots.frames import Observation, digest
+from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import Workers
 from evaps.tasks.dataset import (
-    FORMAT,
     FRAME_SCHEMA,
-    PART,
     TASK_SCHEMA,
-    DatasetError,
     Part,
-    read_identity,
+    frame_row,
     rows_bytes,
     split_of,
     table_bytes,
 )
-from evaps.tasks.frames import pack_frames
+from evaps.tasks.files import read_table
 from evaps.tasks.generate import SCENES, Draft, generate_task
+from evaps.tasks.manifest import PART, DatasetError, write_identity
 from evaps.tasks.parts import ROBOT as USUAL_ROBOT
 from evaps.tasks.parts import Files, make_parts
+from evaps.tasks.render import render_parts
 
 Shard = tuple[int, int]
 """Which share of a data set, from 1, and of how many."""
@@ -90,11 +85,6 @@ def _task_row(index: int, draft: Draft) -> dict[str, Any]:
     }
 
 
-def frame_row(index: int, first: Sequence[Observation], last: Sequence[Observation]) -> dict[str, Any]:
-    """The first and then the last observations of a task, packed."""
-    return {"index": index, "frames": pack_frames([*first, *last])}
-
-
 def generate(
     folder: Path,
     tasks: int,
@@ -134,48 +124,23 @@ def generate(
             made.append(Part(folder, seed, share - 1 + shards * len(made), part))
         builds = [Build(p, frames) for p in made]
         make_parts(make_part, builds, workers, "tasks", part, robot=GENERATING)
+    if frames:  # of parts that were made without
+        render_parts(made, workers)
     if shards == 1:
         _write_index(folder, made, tasks)
     return len(made) * part
 
 
-def write_identity(folder: Path, tasks: int, seed: int, part: int) -> None:
-    """Say in ``dataset.json`` what the folder holds, or find out that it holds the same.
-
-    Raises:
-        DatasetError: it holds another data set, or other files.
-    """
-    made_by = {"evaps": version("evaps"), "vizdoom": version("vizdoom")}
-    identity = {"format": FORMAT, "robot": ROBOT, "seed": seed, "tasks": tasks, **made_by}
-    identity |= {"part": part} if part != PART else {}
-    path = folder / "dataset.json"
-    if path.exists():
-        found = read_identity(folder)
-        for key in ("format", "robot", "vizdoom", "seed", "part"):
-            usual = PART if key == "part" else None
-            there, wanted = found.get(key, usual), identity.get(key, usual)
-            if there != wanted:
-                raise DatasetError(f"{folder} has {key} {there}, not {wanted}; use another folder")
-        if found.get("tasks", 0) > tasks:
-            raise DatasetError(
-                f"{folder} is for {found['tasks']} tasks; ask for as many, or use another folder"
-            )
-        identity["evaps"] = found.get("evaps")  # the version that began it
-    elif folder.exists() and any(folder.iterdir()):
-        raise DatasetError(f"{folder} is not empty and no data set; choose another folder")
-    write_atomically(path, (json.dumps(identity, indent=1) + "\n").encode())
-
-
 def _distinct(parts: Sequence[Part]) -> int:
     if not parts:
         return 0
-    tables = [pq.read_table(part.path, columns=["program"]) for part in parts]
+    tables = [read_table(part.path, DatasetError, columns=["program"]) for part in parts]
     return int(pc.count_distinct(pa.concat_tables(tables)["program"]).as_py())
 
 
 def _write_index(folder: Path, parts: Sequence[Part], tasks: int) -> None:
     """Join the parts into one file of distinct programs; parts that are not needed are removed."""
-    table = pa.concat_tables([pq.read_table(part.path) for part in parts])
+    table = pa.concat_tables([read_table(part.path, DatasetError) for part in parts])
     first: dict[str, int] = {}
     for position, program in enumerate(table["program"].to_pylist()):
         first.setdefault(program, position)

@@ -12,21 +12,17 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from evaps.dsl import Program, UserError
+from evaps.dsl import Program
 from evaps.files import write_atomically
 from evaps.robots.base import Scene, WorldState
 from evaps.robots.doom import ROBOT
-from evaps.tasks.files import read_json
-from evaps.tasks.frames import unpack_frames
+from evaps.robots.frames import Observation
+from evaps.tasks.files import read_table
+from evaps.tasks.frames import pack_frames, unpack_frames
+from evaps.tasks.manifest import FORMAT, PART, DatasetError, read_identity
 from evaps.tasks.task import GoldTask, Outcome
 
-FORMAT = 2
-PART = 100  # indices in a part, unless dataset.json says otherwise
 SPLITS = {"train": 0.7, "validation": 0.9, "test": 1.0}  # upper end of the hash
-
-
-class DatasetError(UserError):
-    """A folder that is no data set, or not the one that was asked for; one line."""
 
 
 def split_of(program: Program | str) -> str:
@@ -80,6 +76,11 @@ TRACE_SCHEMA = pa.schema(
 )
 
 
+def frame_row(index: int, first: Sequence[Observation], last: Sequence[Observation]) -> dict[str, Any]:
+    """The first and then the last observations of a task, packed: a row of ``FRAME_SCHEMA``."""
+    return {"index": index, "frames": pack_frames([*first, *last])}
+
+
 @dataclass(frozen=True)
 class Part:
     """Some indices of a data set, made together."""
@@ -108,19 +109,6 @@ class Part:
     def traces(self) -> Path:
         """All observations of the runs."""
         return self.folder / "traces" / f"traces-{self.number:05d}.parquet"
-
-
-def read_identity(folder: Path) -> dict[str, Any]:
-    """What ``dataset.json`` says: seed, size, robot and versions.
-
-    Raises:
-        DatasetError: it is missing or no object.
-    """
-    path = folder / "dataset.json"
-    found = read_json(path, DatasetError)
-    if not isinstance(found, dict):
-        raise DatasetError(f"{path}: expected an object with the seed and the size of a data set")
-    return found
 
 
 class Rows(Sequence[dict[str, Any]]):
@@ -167,7 +155,12 @@ class Dataset:
         for key, wanted in (("robot", ROBOT), ("format", FORMAT)):
             if (found := self.identity.get(key)) != wanted:
                 raise DatasetError(f"{folder} has the {key} {found!r}, not {wanted!r}; generate it again")
-        self.rows = Rows(pq.read_table(self.folder / "tasks.parquet"))
+        self.rows = Rows(read_table(self.folder / "tasks.parquet", DatasetError))
+        if len(self.rows) != (tasks := self.identity.get("tasks")):
+            raise DatasetError(
+                f"{folder} has {len(self.rows)} of {tasks} tasks; go on with: "
+                f"evaps generate {folder} --tasks {tasks} --seed {self.identity.get('seed')}"
+            )
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -196,7 +189,7 @@ def read_frames(folder: Path, indices: Sequence[int]) -> Iterator[tuple[int, byt
         path = Part(folder, 0, number).frames
         if not path.exists():
             raise DatasetError(f"{path} is missing; make the frames with: evaps render {folder}")
-        for row in pq.read_table(path).to_pylist():
+        for row in read_table(path, DatasetError).to_pylist():
             if row["index"] in wanted:
                 yield row["index"], row["frames"]
 

@@ -1,10 +1,13 @@
-"""Reading what a user wrote: text and JSON, with one clear line about what is wrong."""
+"""Reading files that may be damaged: text, JSON and Parquet, with one clear line about what is wrong."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from evaps.dsl import UserError
 
@@ -53,3 +56,23 @@ def read_json(path: Path, error: type[UserError] = UserError) -> Any:
         raise error(f"{path} is not JSON: line {fault.lineno}, column {fault.colno}: {fault.msg}") from None
     except (ValueError, RecursionError):
         raise error(f"{path} cannot be read: a number is too long or values nest too deeply") from None
+
+
+def read_table(path: Path, error: type[UserError] = UserError, **options: Any) -> pa.Table:
+    """The table in a Parquet file.
+
+    Args:
+        path: of the file.
+        error: what to raise.
+        options: of `pyarrow.parquet.read_table`.
+
+    Raises:
+        UserError: of the type ``error``: it is missing, or damaged.
+    """
+    try:
+        return pq.read_table(path, **options)
+    except FileNotFoundError:
+        raise error(f"{path} is missing") from None
+    except (pa.ArrowException, OSError) as fault:
+        reason = " ".join(str(fault).split())[:120]
+        raise error(f"{path} is damaged ({reason}); delete it, and what made it makes it again") from None

@@ -13,7 +13,8 @@ import numpy as np
 from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.robots.base import WorldState
 from evaps.robots.memo import MemoRobot
-from evaps.tasks.dataset import PART, SPLITS, Dataset, DatasetError
+from evaps.tasks.dataset import SPLITS, Dataset
+from evaps.tasks.manifest import PART, DatasetError
 from evaps.tasks.render import run_again
 
 STEP_BUCKETS = ("2", "3", "4", "5", "6", "7+")

@@ -55,6 +55,8 @@ def make_parts(
         the files that mean that parts are done.
     """
     missing = [part for part in parts if not part.path.exists()]
+    if not missing:
+        return [part.path for part in parts]
     results = robot_map(make, (load(part) for part in missing), workers, robot)
     done = (len(parts) - len(missing)) * size
     for _, files in track(results, len(parts) * size, what, done, size):

@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-
-import pyarrow.parquet as pq
 
 from evaps.dsl import Program, Trace, run
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.base import Scene
 from evaps.robots.memo import MemoRobot, RememberedView
 from evaps.robots.workers import Workers
-from evaps.tasks.build import frame_row, write_identity
-from evaps.tasks.dataset import (
-    FRAME_SCHEMA,
-    PART,
-    TRACE_SCHEMA,
-    DatasetError,
-    Part,
-    read_identity,
-    rows_bytes,
-)
+from evaps.tasks.dataset import FRAME_SCHEMA, TRACE_SCHEMA, Part, frame_row, rows_bytes
+from evaps.tasks.files import read_table
 from evaps.tasks.frames import pack_frames
+from evaps.tasks.manifest import PART, DatasetError, read_identity, write_identity
 from evaps.tasks.parts import ROBOT, Files, make_parts
 
 
@@ -48,8 +39,18 @@ class Rendering:
         return self.part.traces if self.traces else self.part.frames
 
     def loaded(self) -> Rendering:
-        """The same with the rows of its tasks."""
-        return replace(self, rows=tuple(pq.read_table(self.part.path).to_pylist()))
+        """The same with the rows of its tasks; without their part, those that the data set has kept.
+
+        Raises:
+            DatasetError: their file is damaged.
+        """
+        if self.part.path.exists():
+            table = read_table(self.part.path, DatasetError)
+        else:
+            indices = self.part.indices
+            wanted = [("index", ">=", indices.start), ("index", "<", indices.stop)]
+            table = read_table(self.part.folder / "tasks.parquet", DatasetError, filters=wanted)
+        return replace(self, rows=tuple(table.to_pylist()))
 
 
 def render_part(robot: MemoRobot, rendering: Rendering) -> Files:
@@ -111,10 +112,21 @@ def render(folder: Path, workers: Workers, traces: bool = False) -> int:
         DatasetError: the folder holds no data set, or one of another robot or engine.
     """
     identity = read_identity(folder)
-    size = identity.get("part", PART)
-    write_identity(folder, identity["tasks"], identity["seed"], size)
-    numbers = sorted(int(path.stem.rpartition("-")[2]) for path in folder.glob("parts/tasks-*.parquet"))
-    parts = [Rendering(Part(folder, 0, number, size), traces) for number in numbers]  # a shard's have gaps
+    tasks, size = identity.get("tasks", 0), identity.get("part", PART)
+    write_identity(folder, tasks, identity.get("seed", 0), size)
+    numbers = {int(path.stem.rpartition("-")[2]) for path in folder.glob("parts/tasks-*.parquet")}
+    if (kept := folder / "tasks.parquet").exists():
+        indices = read_table(kept, DatasetError, columns=["index"])["index"].to_pylist()
+        numbers |= {index // size for index in indices}
+    if not numbers:
+        raise DatasetError(f"{folder} has no tasks yet; make them with: evaps generate {folder}")
+    parts = [Part(folder, 0, number, size) for number in sorted(numbers)]  # a shard's have gaps
+    render_parts(parts, workers, traces)
+    return min(len(parts) * size, tasks)
+
+
+def render_parts(parts: Sequence[Part], workers: Workers, traces: bool = False) -> None:
+    """Make the frames, or the traces, of those parts that have none."""
     robot = replace(ROBOT, eager=traces)  # in the middle of a run nobody looks, unless its trace is wanted
-    make_parts(render_part, parts, workers, "tasks", size, Rendering.loaded, robot)
-    return len(parts) * size
+    renderings = [Rendering(part, traces) for part in parts]
+    make_parts(render_part, renderings, workers, "tasks", parts[0].size, Rendering.loaded, robot)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.robots.base import Scene, WorldState
@@ -17,6 +16,7 @@ from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
 from evaps.robots.workers import Workers
 from evaps.tasks.dataset import rows_bytes
+from evaps.tasks.files import read_table
 from evaps.tasks.frames import pack_frames
 from evaps.tasks.identity import short_hash
 from evaps.tasks.parts import Files, make_parts
@@ -139,4 +139,4 @@ class Walks:
 
 def _rows(paths: Sequence[Path]) -> Iterator[dict[str, Any]]:
     for path in paths:
-        yield from pq.read_table(path).to_pylist()
+        yield from read_table(path).to_pylist()
