@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+from safetensors.torch import load_file
 
 from evaps.dsl import Program, UserError
 from evaps.evaluate import evaluate
@@ -33,7 +34,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def model(data: Path) -> Path:
     out = data.parent / "run"
-    for method in ("encoder", "lgrl", "evaps"):
+    for method in ("encoder", "lgrl", "evaps", "lgrl-rl", "latent-execution"):
         train(method, data, out, "smoke", workers=Workers(1))
     return out
 
@@ -56,6 +57,18 @@ def test_a_training_that_is_done_is_not_done_again(data: Path, model: Path) -> N
     train("lgrl", data, model, "smoke")
     assert (model / "lgrl" / "model.safetensors").read_bytes() == before
     assert (model / "lgrl" / "metrics.jsonl").read_text() == metrics
+
+
+def test_rewards_change_the_weights_that_they_started_from(model: Path) -> None:
+    start, end = (load_file(model / name / "model.safetensors") for name in ("lgrl", "lgrl-rl"))
+    assert start.keys() == end.keys()
+    assert any(not start[key].equal(end[key]) for key in start)
+    rows = [json.loads(line) for line in (model / "lgrl-rl" / "metrics.jsonl").read_text().splitlines()]
+    assert {"reward", "validation_semantic"} <= rows[-1].keys()
+
+
+def test_latent_execution_is_trained_once_more(model: Path) -> None:
+    assert (model / "latent-execution" / "retrained" / "metrics.jsonl").exists()
 
 
 def test_another_seed_does_not_go_on_with_it(data: Path, model: Path) -> None:

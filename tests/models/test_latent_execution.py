@@ -7,9 +7,8 @@ from torch.nn import functional as F
 
 from evaps.dsl import VOCAB, Program
 from evaps.dsl.sampler import sample_program
-from evaps.models.base import pad
 from evaps.models.latent_execution import LatentExecution, LatentExecutionConfig
-from evaps.train.methods import grammar_masks
+from evaps.train.synthesizers import collate, lesson
 
 PROGRAM = Program.parse("DEF run m( MOVE_LEFT IF c( not c( ISTHERE Demon c) c) i( ATTACK i) TURN_LEFT m)")
 
@@ -28,17 +27,14 @@ def test_the_executor_runs_where_a_statement_ends_and_only_there() -> None:
 def test_the_last_state_comes_to_agree_with_the_output() -> None:
     torch.manual_seed(0)
     rng = np.random.default_rng(0)
-    ids = [VOCAB.encode(sample_program(rng).tokens) for _ in range(16)]
-    tokens = pad(ids)
-    masks = torch.zeros(*tokens.shape, len(VOCAB), dtype=torch.bool)
-    for mask, row in zip(masks, ids, strict=True):
-        mask[: len(row)] = torch.from_numpy(grammar_masks(row))
+    tokens, masks = collate([lesson(VOCAB.encode(sample_program(rng).tokens)) for _ in range(16)])
     features = F.normalize(torch.randn(16, 5, 2, 32), dim=-1) * 4
     net = LatentExecution(LatentExecutionConfig(feature=32, pair=64, hidden=64, dropout=0.0, agreement=1.0))
 
     def disagreement() -> float:
         with torch.no_grad():
-            return float(net.loss(features, tokens, masks) - net.likelihood(features, tokens, masks))
+            likelihood = -net.log_probabilities(features, tokens, masks).sum() / (tokens > 0).sum()
+            return float(net.loss(features, tokens, masks) - likelihood)
 
     before = disagreement()
     assert before > 1, "about log(5) where nothing is known"

@@ -38,7 +38,7 @@ def test_a_checkpoint_of_one_method_is_not_taken_for_another(tmp_path) -> None:
 
 
 def test_a_method_that_is_not_there_is_told() -> None:
-    with pytest.raises(UserError, match="no method 'nobody'; known are lgrl, transformer"):
+    with pytest.raises(UserError, match="no method 'nobody'; known are lgrl, lgrl-rl"):
         new_method("nobody")
     assert list(METHODS)[-1] == "evaps"
 

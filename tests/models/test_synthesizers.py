@@ -8,19 +8,15 @@ from torch.nn import functional as F
 from evaps.dsl import VOCAB
 from evaps.dsl.sampler import sample_program
 from evaps.models import METHODS, method_class, new_method
-from evaps.models.base import Synthesizer, pad
+from evaps.models.base import Synthesizer
 from evaps.models.beam import beam_search
-from evaps.train.methods import grammar_masks
+from evaps.train.synthesizers import collate, lesson
 
 SYNTHESIZERS = [name for name in METHODS if issubclass(method_class(name), Synthesizer)]
 
 
 def batch(programs: list[list[int]]) -> tuple[torch.Tensor, torch.Tensor]:
-    tokens = pad(programs)
-    masks = np.zeros((*tokens.shape, len(VOCAB)), bool)
-    for row, program in zip(masks, programs, strict=True):
-        row[: len(program)] = grammar_masks(program)
-    return tokens, torch.from_numpy(masks)
+    return collate([lesson(program) for program in programs])
 
 
 @pytest.fixture
@@ -63,8 +59,8 @@ def test_stepwise_decoding_scores_a_program_as_the_loss_does(
         logits, state = model.step(state, last, None)
         scores = logits.masked_fill(~masks[:, i], -torch.inf).log_softmax(-1)
         total, last = total - scores[0, token].item(), torch.tensor([token])
-    likelihood = getattr(model, "likelihood", model.loss)  # what is trained may be more than that
-    assert total / len(programs[0]) == pytest.approx(likelihood(features, tokens, masks).item(), rel=1e-4)
+    (score,) = model.log_probabilities(features, tokens, masks).tolist()
+    assert -total == pytest.approx(score, rel=1e-4)
 
 
 def test_beam_search_finds_all_short_programs_in_order(model: Synthesizer) -> None:

@@ -1,6 +1,8 @@
 """The training loop: interrupted anywhere, it goes on with the same result."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +14,9 @@ from torch.nn import functional as F
 
 from evaps.dsl import UserError
 from evaps.train.batches import batch_at
-from evaps.train.loop import FitConfig, fit, rate_at
+from evaps.train.loop import FitConfig, Share, fit, rate_at
 
-CONFIG = FitConfig(steps=20, rate=1e-2, seed=3, warmup=4, log_every=5, save_every=0.0)
+CONFIG = FitConfig(steps=20, rate=1e-2, seed=3, warmup=4, log_every=5, save_every=0.0, validate_every=10)
 
 
 def new_model() -> nn.Module:
@@ -23,17 +25,18 @@ def new_model() -> nn.Module:
 
 
 def train(model: nn.Module, folder: Path, stop_at: int | None = None) -> dict[str, float]:
-    def loss_at(step: int) -> tuple[Tensor, dict[str, float]]:
+    def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
         if step == stop_at:
             raise KeyboardInterrupt
         x = torch.from_numpy(np.random.default_rng(step).normal(size=(16, 4)).astype(np.float32))
+        x = share.of(x)
         return F.mse_loss(model(x), x.sum(1, keepdim=True)), {}
 
     def validate() -> dict[str, float]:
         x = torch.eye(4)
         return {"score": -F.mse_loss(model(x), x.sum(1, keepdim=True)).item()}
 
-    return fit(model, loss_at, CONFIG, folder, validate, validate_every=10, select="score")
+    return fit(model, loss_at, CONFIG, folder, validate, "score")
 
 
 @pytest.mark.parametrize("stop_at", [1, 7, 19])
@@ -61,7 +64,7 @@ def test_metrics_are_logged_as_json_lines(tmp_path: Path) -> None:
 def test_other_settings_do_not_go_on_with_it(tmp_path: Path) -> None:
     train(new_model(), tmp_path)
     with pytest.raises(UserError, match="other settings"):
-        fit(new_model(), lambda step: 1 / 0, replace(CONFIG, seed=4), tmp_path, dict, 10, "score")
+        fit(new_model(), lambda step, share: 1 / 0, replace(CONFIG, seed=4), tmp_path, dict, "score")
 
 
 def test_the_rate_rises_and_falls() -> None:
@@ -90,9 +93,65 @@ def test_the_best_weights_are_kept(tmp_path: Path) -> None:
         seen.append([p.clone() for p in model.parameters()])
         return {"score": next(scores)}
 
-    def loss_at(step: int) -> tuple[Tensor, dict[str, float]]:
+    def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
         return model(torch.ones(2, 4)).square().mean(), {}
 
-    metrics = fit(model, loss_at, CONFIG, tmp_path, validate, validate_every=5, select="score")
+    metrics = fit(model, loss_at, replace(CONFIG, validate_every=5), tmp_path, validate, "score")
     assert metrics == {"best_step": 9, "validation_score": 0.9}
     assert all(torch.equal(a, b) for a, b in zip(model.parameters(), seen[1], strict=True))
+
+
+def test_it_stops_when_nothing_gets_better(tmp_path: Path) -> None:
+    config = replace(CONFIG, steps=100, validate_every=2, patience=3)
+    scores = iter([0.1, 0.5, 0.4, 0.5, 0.3, 9.0])
+    steps = []
+
+    def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
+        steps.append(step)
+        return model(torch.ones(2, 4)).square().mean(), {}
+
+    for _ in range(2):  # once more does nothing
+        model = new_model()
+        metrics = fit(model, loss_at, config, tmp_path, lambda: {"score": next(scores)}, "score")
+        assert metrics == {"best_step": 3, "validation_score": 0.5}
+        assert steps == list(range(10))
+
+
+def test_metrics_are_written_for_tensorboard_on_request(tmp_path: Path) -> None:
+    pytest.importorskip("tensorboard")
+    loss_at = lambda step, share: (model(torch.ones(2, 4)).square().mean(), {})  # noqa: E731
+    model = new_model()
+    fit(model, loss_at, CONFIG, tmp_path, lambda: {"score": 1.0}, "score", tensorboard=True)
+    assert list(tmp_path.rglob("events.out.tfevents.*"))
+
+
+SHARED = """
+import sys
+from pathlib import Path
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from evaps.train.loop import FitConfig, fit
+
+torch.manual_seed(0)
+model = nn.Linear(4, 1)
+
+def loss_at(step, share):
+    x = share.of(torch.randn(16, 4, generator=torch.Generator().manual_seed(step)))
+    return F.mse_loss(model(x), x.sum(1, keepdim=True)), {}
+
+config = FitConfig(steps=10, rate=1e-2, warmup=2, validate_every=5)
+fit(model, loss_at, config, Path(sys.argv[1]), lambda: {"score": model.weight.sum().item()}, "score")
+"""
+
+
+@pytest.mark.slow
+def test_two_processes_learn_what_one_does(tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(SHARED)
+    launch = [sys.executable, "-m", "accelerate.commands.launch", "--cpu", "--num_processes", "2"]
+    for command, folder in (([sys.executable], "one"), ([*launch, "--main_process_port", "0"], "two")):
+        subprocess.run([*command, "script.py", folder], cwd=tmp_path, check=True, timeout=120)
+    one, two = (torch.load(tmp_path / folder / "best.pt") for folder in ("one", "two"))
+    torch.testing.assert_close(one, two)

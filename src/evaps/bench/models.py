@@ -14,7 +14,7 @@ from evaps.dsl import VOCAB, Program
 from evaps.dsl.mutation import mutate
 from evaps.dsl.sampler import PERCEPTION_KEYS, sample_program
 from evaps.models import METHODS, Model, new_method
-from evaps.models.base import Execution, Repairer, Synthesizer, pad
+from evaps.models.base import Execution, Repairer, Synthesizer
 from evaps.models.compute import autocast, device
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
@@ -76,17 +76,13 @@ def _step(loss: Callable[[], torch.Tensor], optimizer: torch.optim.Optimizer) ->
 def _loss(
     method: Synthesizer | Repairer, programs: Sequence[Program], rng: np.random.Generator
 ) -> Callable[[], torch.Tensor]:
-    from evaps.train.methods import grammar_masks
+    from evaps.train.synthesizers import collate, lesson
 
     table = torch.randn(ROWS, 256)
     if isinstance(method, Synthesizer):
-        ids = [VOCAB.encode(program.tokens) for program in programs]
-        tokens = pad(ids)
-        masks = torch.zeros(*tokens.shape, len(VOCAB), dtype=torch.bool)
-        for mask, row in zip(masks, ids, strict=True):
-            mask[: len(row)] = torch.from_numpy(grammar_masks(row))
+        lessons = [lesson(VOCAB.encode(program.tokens)) for program in programs]
         features = table[: 2 * EXAMPLES * len(programs)].unflatten(0, (len(programs), EXAMPLES, 2))
-        inputs = features.to(device()), tokens.to(device()), masks.to(device())
+        inputs = features.to(device()), *collate(lessons)
         return lambda: method.loss(*inputs)
     wrong = [_execution(mutate(program, rng), rng) for program in programs]
     return lambda: method.loss(wrong, programs, table.to(device()))

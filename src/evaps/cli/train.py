@@ -23,8 +23,8 @@ class Train(Command):
     stopped: ClassVar[str] = "stopped; the same command goes on where it last saved, a minute ago at most"
 
     method: Positional[Annotated[str, arg(metavar="encoder|METHOD")]]
-    """What to train: encoder, then lgrl, transformer or latent-execution, then sed, evaps, or an ablation of
-    it: naive, evaps-o, evaps-s."""
+    """What to train: encoder, then lgrl, transformer or latent-execution, then lgrl-rl, sed, evaps, or an
+    ablation of it: naive, evaps-o, evaps-s."""
     data: Folder
     """Folder of the data set, from `evaps generate`."""
     out: Folder
@@ -35,6 +35,8 @@ class Train(Command):
     """Of weights, batches and mutations."""
     workers: int = field(default_factory=available_cores)
     """Processes that simulate; by default one a core."""
+    tensorboard: bool = False
+    """Write the metrics for TensorBoard too (pip install 'evaps[track]'); metrics.jsonl has them always."""
 
     def run(self) -> None:
         """Train, with progress on standard error."""
@@ -43,5 +45,5 @@ class Train(Command):
         from evaps.train import train
 
         with writing(self.out):
-            folder = train(self.method, self.data, self.out, self.scale, self.seed, workers)
+            folder = train(self.method, self.data, self.out, self.scale, self.seed, workers, self.tensorboard)
         print(f"{folder}: the checkpoint of {self.method}")

@@ -21,14 +21,17 @@ class Method:
     Attributes:
         where: module and name of the class; the module is imported when the method is used.
         config: fields of its configuration.
+        start: the method whose weights it starts from, to be improved by rewards.
     """
 
     where: str
     config: Mapping[str, Any] = field(default_factory=dict)
+    start: str | None = None
 
 
 METHODS = {
     "lgrl": Method("evaps.models.lgrl:LGRL"),
+    "lgrl-rl": Method("evaps.models.lgrl:LGRL", start="lgrl"),
     "transformer": Method("evaps.models.transformer:Transformer"),
     "latent-execution": Method("evaps.models.latent_execution:LatentExecution"),
     "sed": Method("evaps.models.sed:SED"),

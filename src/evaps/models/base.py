@@ -22,6 +22,8 @@ Features = Float[Tensor, "batch pair 2 feature"]
 class Synthesizer(nn.Module, ABC):
     """Proposes programs for tasks, token by token. Bring your own: two methods for decoding, one to learn."""
 
+    retrains: ClassVar[bool] = False
+    """Whether it is trained for a second round, on programs of its own that reach all outputs."""
     name: str
     Config: ClassVar[type]
     config: Any
@@ -43,10 +45,22 @@ class Synthesizer(nn.Module, ABC):
         """
 
     @abstractmethod
+    def logits(
+        self, features: Features, tokens: Int[Tensor, "batch time"]
+    ) -> Float[Tensor, "batch time vocab"]:
+        """Logits of each token of programs, knowing those before it."""
+
     def loss(
         self, features: Features, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
     ) -> Float[Tensor, ""]:
-        """Negative log-likelihood of programs under the grammar's mask, a mean over tokens."""
+        """What is minimised: negative log-likelihood under the grammar's mask, a mean over tokens."""
+        return masked_likelihood(self.logits(features, tokens), tokens, masks).sum() / (tokens > 0).sum()
+
+    def log_probabilities(
+        self, features: Features, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
+    ) -> Float[Tensor, " batch"]:
+        """The logarithm of each program's probability under the grammar's mask."""
+        return -masked_likelihood(self.logits(features, tokens), tokens, masks).sum(1)
 
 
 @dataclass(frozen=True)
@@ -136,11 +150,11 @@ def masked_likelihood(
     logits: Float[Tensor, "batch time vocab"],
     tokens: Int[Tensor, "batch time"],
     masks: Bool[Tensor, "batch time vocab"],
-) -> Float[Tensor, ""]:
-    """Negative log-likelihood of tokens under a mask, a mean over tokens; padding (0) does not count."""
+) -> Float[Tensor, "batch time"]:
+    """Negative log-likelihood of each token under a mask; of padding (0) it is 0."""
     logits = logits.float().masked_fill(~masks, -torch.inf)
     logits = torch.where((tokens == 0)[..., None], 0.0, logits)  # padding: no mask, no loss
-    return F.cross_entropy(logits.flatten(0, 1), tokens.flatten(), ignore_index=0)
+    return F.cross_entropy(logits.transpose(1, 2), tokens, ignore_index=0, reduction="none")
 
 
 def pad(rows: Sequence[Sequence[int]], value: int = 0) -> Int[Tensor, "row longest"]:

@@ -59,12 +59,14 @@ class LatentExecution(Synthesizer):
     """One LSTM per pair over [token | embedding of (latent state, output)], max-pooled over the pairs."""
 
     name = "latent-execution"
+    retrains = True
     Config: ClassVar[type] = LatentExecutionConfig
 
     def __init__(self, config: LatentExecutionConfig = LatentExecutionConfig()) -> None:
         super().__init__()
         self.config = config
         self.pair = PairEmbedding(PairConfig(config.feature, config.pair))
+        self.norm = nn.LayerNorm(config.pair)
         self.embedding = nn.Embedding(len(VOCAB), config.hidden)  # <pad> stands for the start
         self.lstm = nn.LSTM(config.hidden + config.pair, config.hidden, config.layers, batch_first=True)
         self.executor = nn.Sequential(
@@ -91,7 +93,7 @@ class LatentExecution(Synthesizer):
             tokens = torch.zeros(len(state.goal), dtype=torch.long, device=state.goal.device)
         state = self._execute(state, tokens)
         pairs = state.goal.shape[1]
-        given = self.dropout(self.pair(state.latent, state.goal))
+        given = self.dropout(self.norm(self.pair(state.latent, state.goal)))
         token = self.dropout(self.embedding(tokens))[:, None].expand(-1, pairs, -1)
         inputs = torch.cat([token, given], -1).flatten(0, 1)[:, None]
         outputs, hidden = self.lstm(inputs, state.hidden)
@@ -109,23 +111,24 @@ class LatentExecution(Synthesizer):
         self, features: Features, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
     ) -> Float[Tensor, ""]:
         """Likelihood of the program, and agreement of each pair's last latent state with its output."""
-        likelihood, last = self._read(features, tokens, masks)
+        logits, last = self._read(features, tokens)
+        likelihood = masked_likelihood(logits, tokens, masks).sum() / (tokens > 0).sum()
         return likelihood + self.config.agreement * self._disagreement(last, features, tokens)
 
-    def likelihood(
-        self, features: Features, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
-    ) -> Float[Tensor, ""]:
-        """The loss without the agreement."""
-        return self._read(features, tokens, masks)[0]
+    def logits(
+        self, features: Features, tokens: Int[Tensor, "batch time"]
+    ) -> Float[Tensor, "batch time vocab"]:
+        """See :meth:`Synthesizer.logits`."""
+        return self._read(features, tokens)[0]
 
     def _read(
-        self, features: Features, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
-    ) -> tuple[Float[Tensor, ""], Float[Tensor, "batch pair feature"]]:
+        self, features: Features, tokens: Int[Tensor, "batch time"]
+    ) -> tuple[Float[Tensor, "batch time vocab"], Float[Tensor, "batch pair feature"]]:
         state, logits = self.start(features), []
         for before in F.pad(tokens[:, :-1], (1, 0)).unbind(1):
             scores, state = self.step(state, before, None)
             logits.append(scores)
-        return masked_likelihood(torch.stack(logits, 1), tokens, masks), state.latent
+        return torch.stack(logits, 1), state.latent
 
     def _disagreement(
         self,

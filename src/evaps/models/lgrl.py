@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from evaps.dsl import VOCAB
-from evaps.models.base import Features, Synthesizer, masked_likelihood
+from evaps.models.base import Features, Synthesizer
 from evaps.models.encoder import PairConfig, PairEmbedding
 from evaps.models.recurrent import select_hidden
 
@@ -57,6 +57,7 @@ class LGRL(Synthesizer):
         super().__init__()
         self.config = config
         self.pair = PairEmbedding(PairConfig(config.feature, config.pair))
+        self.norm = nn.LayerNorm(config.pair)  # stage 0's embeddings are as large as 100, and of all sizes
         self.embedding = nn.Embedding(len(VOCAB), config.embedding)  # <pad> stands for the start
         self.lstm = nn.LSTM(config.embedding + config.pair, config.hidden, config.layers, batch_first=True)
         self.dropout = nn.Dropout(config.dropout)
@@ -64,7 +65,7 @@ class LGRL(Synthesizer):
 
     def start(self, features: Features) -> LGRLState:
         """Embed the pairs."""
-        return LGRLState(self.pair(features[:, :, 0], features[:, :, 1]), None)
+        return LGRLState(self.norm(self.pair(features[:, :, 0], features[:, :, 1])), None)
 
     def step(
         self, state: LGRLState, tokens: Int[Tensor, " batch"] | None, rows: Int[Tensor, " batch"] | None
@@ -77,13 +78,12 @@ class LGRL(Synthesizer):
         logits, hidden = self._decode(state.pair, tokens[:, None], state.hidden)
         return logits[:, 0], LGRLState(state.pair, hidden)
 
-    def loss(
-        self, features: Features, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
-    ) -> Float[Tensor, ""]:
-        """See :meth:`Synthesizer.loss`."""
+    def logits(
+        self, features: Features, tokens: Int[Tensor, "batch time"]
+    ) -> Float[Tensor, "batch time vocab"]:
+        """See :meth:`Synthesizer.logits`."""
         before = F.pad(tokens[:, :-1], (1, 0))
-        logits, _ = self._decode(self.start(features).pair, before, None)
-        return masked_likelihood(logits, tokens, masks)
+        return self._decode(self.start(features).pair, before, None)[0]
 
     def _decode(
         self,

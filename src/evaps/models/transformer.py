@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from evaps.dsl import VOCAB
 from evaps.dsl.sampler import MAX_TOKENS
-from evaps.models.base import Features, Synthesizer, masked_likelihood
+from evaps.models.base import Features, Synthesizer
 from evaps.models.encoder import PairConfig, PairEmbedding
 
 
@@ -88,12 +88,11 @@ class Transformer(Synthesizer):
         before = torch.cat([before, tokens[:, None]], 1)
         return self._decode(memory, before)[:, -1], TransformerState(memory, before)
 
-    def loss(
-        self, features: Features, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
-    ) -> Float[Tensor, ""]:
-        """See :meth:`Synthesizer.loss`."""
-        logits = self._decode(self.start(features).memory, F.pad(tokens[:, :-1], (1, 0)))
-        return masked_likelihood(logits, tokens, masks)
+    def logits(
+        self, features: Features, tokens: Int[Tensor, "batch time"]
+    ) -> Float[Tensor, "batch time vocab"]:
+        """See :meth:`Synthesizer.logits`."""
+        return self._decode(self.start(features).memory, F.pad(tokens[:, :-1], (1, 0)))
 
     def _decode(
         self, memory: Float[Tensor, "batch pair hidden"], tokens: Int[Tensor, "batch time"]

@@ -32,6 +32,7 @@ MUTATIONS = (1, 2, 3)  # how many at once, and their weights 1 : 2 : 3 (Gupta et
 _ROWS = pa.list_(pa.list_(pa.int32()))
 SCHEMA = pa.schema(
     {
+        "task": pa.int64(),
         "program": pa.string(),
         "target": pa.string(),
         "stage": pa.int8(),
@@ -100,6 +101,7 @@ def _mistakes(
     wrong = [a for a in attempts if not a.solved]
     return [
         {
+            "task": int(gold.name.removeprefix("task-")),
             "program": str(e.program),
             "target": str(gold.program),
             "stage": programs[e.program],
@@ -139,12 +141,14 @@ class Mistakes:
     """Wrong programs in memory.
 
     Attributes:
+        tasks: the index of the task that each belongs to.
         executions: rows count through :attr:`table`.
         targets: the right program of each.
         stages: 1 for a mutation, 2 for a failure of the synthesizer.
         table: embeddings, float16 ``[row, feature]``.
     """
 
+    tasks: list[int]
     executions: list[Execution]
     targets: list[Program]
     stages: list[int]
@@ -153,6 +157,7 @@ class Mistakes:
     @classmethod
     def read(cls, paths: Sequence[Path]) -> Mistakes:
         """Read the files that :func:`generate_mistakes` wrote."""
+        tasks: list[int] = []
         executions: list[Execution] = []
         targets: list[Program] = []
         stages: list[int] = []
@@ -160,12 +165,13 @@ class Mistakes:
         offset = 0
         for path in paths:
             for row in read_table(path).to_pylist():
+                tasks.append(row["task"])
                 executions.append(_execution(row, offset))
                 targets.append(Program.parse(row["target"]))
                 stages.append(row["stage"])
             tables.append(np.load(path.with_suffix(".npy")))
             offset += len(tables[-1])
-        return cls(executions, targets, stages, np.concatenate(tables))
+        return cls(tasks, executions, targets, stages, np.concatenate(tables))
 
 
 def _execution(row: dict[str, Any], offset: int) -> Execution:

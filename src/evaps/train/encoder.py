@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,44 @@ import torch
 from torch import Tensor
 
 from evaps.models.compute import device
-from evaps.models.encoder import TransitionModel, Transitions
+from evaps.models.encoder import EncoderConfig, TransitionModel, Transitions
+from evaps.robots.base import Scene
 from evaps.tasks.frames import rgbd, unpack_frames
-from evaps.tasks.walks import Walks
+from evaps.tasks.task import EXAMPLES
+from evaps.tasks.walks import Walks, generate_walks
+from evaps.train.loop import FitConfig, LossAt, Share, fit
+from evaps.train.run import Run
 
 HELD_OUT = 250  # walks that are only validated on
 MOST_NOISE = 0.2  # share of pixels that are dropped from half of the frames
+
+
+def train_encoder(run: Run) -> Path:
+    """Learn the embedding space; the embedding of pairs gets a checkpoint of its own."""
+    train = run.dataset.split("train")[: run.scale.task_walks]
+    rows = (run.dataset.rows[p] for p in train)
+    starts = [_start(row, row["index"] % EXAMPLES) for row in rows]
+    paths = generate_walks(run.dataset.folder / "walks", run.scale.walks, run.seed, run.workers, starts)
+    torch.manual_seed(run.seed)
+    model = TransitionModel(EncoderConfig()).to(device())
+    batches = WalkBatches(Walks.read(paths), run.scale.encoder_batch, run.seed)
+    config = FitConfig(run.scale.encoder_steps, rate=1e-3, seed=run.seed, validate_every=500)
+    metrics = fit(
+        model,
+        encoder_loss(model, batches),
+        config,
+        run.out / "encoder",
+        validate(model, batches),
+        "counts",
+        run.made_from(model),
+        run.tensorboard,
+    )
+    run.save(model.pair, "pair", config, metrics)
+    return run.save(model.encoder, "encoder", config, metrics)
+
+
+def _start(row: dict[str, Any], example: int) -> tuple[Scene, tuple[str, ...]]:
+    return Scene.from_json(row["scenes"][example]), tuple(row["actions"][example].split())
 
 
 def pairs_of(length: int) -> npt.NDArray[np.int64]:
@@ -71,9 +104,10 @@ class WalkBatches:
         rng = np.random.default_rng([self.seed, step])
         return rng.integers(HELD_OUT, len(self.walks.frames), self.size)
 
-    def noisy_frames(self, step: int) -> Tensor:
+    def noisy_frames(self, step: int, share: Share) -> Tensor:
         """The frames of a step, with dropped pixels."""
-        return drop_pixels(self.frames(self.at(step)), np.random.default_rng([self.seed, step, 1]))
+        rng = np.random.default_rng([self.seed, step, 1 + share.index])
+        return drop_pixels(self.frames(share.of(self.at(step))), rng)
 
     def frames(self, rows: npt.NDArray[np.int64]) -> Tensor:
         """Their frames, bytes ``[frame, height, width, 4]``."""
@@ -89,17 +123,15 @@ def drop_pixels(frames: Tensor, rng: np.random.Generator) -> Tensor:
     return frames
 
 
-def encoder_loss(
-    model: TransitionModel, batches: WalkBatches
-) -> Callable[[int], tuple[Tensor, dict[str, float]]]:
+def encoder_loss(model: TransitionModel, batches: WalkBatches) -> LossAt:
     """The loss of each step."""
     thread = ThreadPoolExecutor(1)
     ahead: dict[int, Any] = {}
 
-    def loss_at(step: int) -> tuple[Tensor, dict[str, float]]:
-        frames = ahead.pop(step).result() if step in ahead else batches.noisy_frames(step)
-        ahead[step + 1] = thread.submit(batches.noisy_frames, step + 1)
-        return batch_loss(model, batches.walks, batches.at(step), frames)
+    def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
+        frames = ahead.pop(step).result() if step in ahead else batches.noisy_frames(step, share)
+        ahead[step + 1] = thread.submit(batches.noisy_frames, step + 1, share)
+        return batch_loss(model, batches.walks, share.of(batches.at(step)), frames)
 
     return loss_at
 

@@ -1,4 +1,4 @@
-"""The training loop: seeded, resumable at any moment, with its metrics in a file."""
+"""The training loop: seeded, resumable at any moment, on one device or several, with metrics in a file."""
 
 from __future__ import annotations
 
@@ -6,20 +6,38 @@ import io
 import json
 import math
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
+from accelerate import Accelerator
 from torch import Tensor, nn
 
 from evaps.dsl import UserError
 from evaps.files import write_atomically
-from evaps.models.compute import autocast
+from evaps.models.compute import device, half_pays
 from evaps.tasks.progress import track
 
-LossAt = Callable[[int], tuple[Tensor, dict[str, float]]]
+Rows = TypeVar("Rows")
+
+
+@dataclass(frozen=True)
+class Share:
+    """Which part of each batch is this process's, where several processes train together."""
+
+    index: int = 0
+    count: int = 1
+
+    def of(self, rows: Rows) -> Rows:
+        """Every ``count``-th row."""
+        mine: Rows = rows[self.index :: self.count]  # type: ignore[index]
+        return mine
+
+
+LossAt = Callable[[int, Share], tuple[Tensor, dict[str, float]]]
+"""The loss of a step's batch (of a share of it), and metrics to log; it depends on nothing else."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +54,10 @@ class FitConfig:
     """Batches over which the rate rises; then it falls along a cosine to a fiftieth."""
     clip: float = 1.0
     """The largest norm of the gradient."""
+    validate_every: int = 250
+    """Batches between two validations; there is one more at the end."""
+    patience: int = 0
+    """Validations without an improvement after which the training stops; 0 for never."""
     log_every: int = 50
     """Batches between two rows of metrics."""
     save_every: float = 60.0
@@ -49,101 +71,158 @@ def rate_at(step: int, config: FitConfig) -> float:
     return config.rate * rise * (0.02 + 0.98 * fall)
 
 
+@dataclass
+class Progress:
+    """How far a training is.
+
+    Attributes:
+        step: the next batch.
+        stale: validations since the best one.
+        best: the metrics of the best one.
+    """
+
+    step: int = 0
+    stale: int = 0
+    best: dict[str, float] = field(default_factory=dict)
+
+
 def fit(
     model: nn.Module,
     loss_at: LossAt,
     config: FitConfig,
     folder: Path,
     validate: Callable[[], dict[str, float]],
-    validate_every: int,
     select: str,
     made_from: dict[str, Any] | None = None,
+    tensorboard: bool = False,
 ) -> dict[str, float]:
-    """Minimise ``loss_at(step)``; stopped at any moment, the same call goes on with the same result.
+    """Minimise ``loss_at(step, share)``; stopped at any moment, the same call goes on with the same result.
+
+    Precision and devices are accelerate's: bfloat16 where it pays, and under ``accelerate launch`` each
+    process works on its share of every batch, and the gradients are averaged.
 
     Args:
         model: its parameters are trained in place.
-        loss_at: the loss of a step's batch, which must depend on nothing but the step, and metrics to log.
+        loss_at: the loss of a step's batch.
         config: how.
-        folder: gets ``state.pt`` (to go on from) and ``metrics.jsonl``.
+        folder: gets ``state.pt`` (to go on from), ``best.pt`` and ``metrics.jsonl``.
         validate: metrics on held-out data.
-        validate_every: steps between two validations; there is one more at the end.
         select: which of these metrics should be high; the model ends with the weights of its best time.
         made_from: all else that the result depends on, as JSON values; other settings do not go on with it.
+        tensorboard: write the metrics for TensorBoard too.
 
     Returns:
         the metrics of that time.
 
     Raises:
-        UserError: the folder holds a training with other settings.
+        UserError: the folder holds a training with other settings, or there is no TensorBoard.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    accelerator = _accelerator(folder, tensorboard)
     settings = json.dumps({**asdict(config), **(made_from or {})}, sort_keys=True)
     optimizer = torch.optim.Adam(model.parameters(), lr=config.rate)
-    start, metrics = _resume(folder, model, optimizer, settings)
+    progress = _resume(folder, model, optimizer, settings)
     saved = time.monotonic()
-    for step in track(range(start, config.steps), config.steps, folder.name, start):
-        metrics_now = _step(model, optimizer, loss_at, config, step)
-        last = step + 1 == config.steps
-        validated = (step + 1) % validate_every == 0 or last
-        if validated:
-            found = _validated(model, validate)
-            metrics_now |= found
-            if found[f"validation_{select}"] > metrics.get(f"validation_{select}", -math.inf):
-                metrics = {"best_step": step, **found}
-                _write(model.state_dict(), folder / "best.pt")
+    for step in track(_steps(progress, config), config.steps, folder.name, progress.step):
+        metrics = _step(model, optimizer, loss_at, config, step, accelerator)
+        progress.step = step + 1
+        last = progress.step == config.steps
+        if validated := last or progress.step % config.validate_every == 0:
+            metrics |= (found := _validated(model, validate, accelerator))
+            progress.stale += 1
+            if found[f"validation_{select}"] > progress.best.get(f"validation_{select}", -math.inf):
+                progress.best, progress.stale = {"best_step": step, **found}, 0
+                _write(model.state_dict(), folder / "best.pt", accelerator)
         if step % config.log_every == 0 or validated:
-            _log(folder, {"step": step, **metrics_now})
-        if time.monotonic() - saved > config.save_every or last:
-            state = {"model": model.state_dict(), "optimizer": optimizer.state_dict(), "step": step + 1}
-            _write({**state, "metrics": metrics, "settings": settings}, folder / "state.pt")
+            _log(folder, {"step": step, **metrics}, accelerator)
+        if time.monotonic() - saved > config.save_every or validated:
+            state = {"model": model.state_dict(), "optimizer": optimizer.state_dict()}
+            _write({**state, **asdict(progress), "settings": settings}, folder / "state.pt", accelerator)
             saved = time.monotonic()
-    model.load_state_dict(torch.load(folder / "best.pt", weights_only=True))
+    accelerator.end_training()
+    accelerator.wait_for_everyone()
+    model.load_state_dict(torch.load(folder / "best.pt", map_location=device(), weights_only=True))
     model.eval()
-    return metrics
+    return progress.best
+
+
+def _accelerator(folder: Path, tensorboard: bool) -> Accelerator:
+    try:
+        accelerator = Accelerator(
+            cpu=device().type == "cpu",
+            mixed_precision="bf16" if half_pays() else "no",
+            log_with="tensorboard" if tensorboard else None,
+            project_dir=folder,
+        )
+        accelerator.init_trackers("tensorboard")
+    except (ImportError, ValueError) as error:
+        if tensorboard:
+            raise UserError("there is no TensorBoard; try: pip install 'evaps[track]'") from error
+        raise
+    return accelerator
+
+
+def _steps(progress: Progress, config: FitConfig) -> Iterator[int]:
+    """The steps that are left, until nothing gets better any more."""
+    while progress.step < config.steps and not (config.patience and progress.stale >= config.patience):
+        yield progress.step
 
 
 def _step(
-    model: nn.Module, optimizer: torch.optim.Adam, loss_at: LossAt, config: FitConfig, step: int
+    model: nn.Module,
+    optimizer: torch.optim.Adam,
+    loss_at: LossAt,
+    config: FitConfig,
+    step: int,
+    accelerator: Accelerator,
 ) -> dict[str, float]:
     model.train()
-    torch.manual_seed(config.seed * 1_000_003 + step)  # so that dropout is the same after a restart
+    share = Share(accelerator.process_index, accelerator.num_processes)
+    torch.manual_seed(config.seed * 1_000_003 + step + 999_983 * share.index)  # the same after a restart
     for group in optimizer.param_groups:
         group["lr"] = rate_at(step, config)
-    with autocast():
-        loss, metrics = loss_at(step)
+    with accelerator.autocast():
+        loss, metrics = loss_at(step, share)
     optimizer.zero_grad()
-    loss.backward()
+    accelerator.backward(loss)
+    if share.count > 1:
+        for parameter in model.parameters():
+            if parameter.grad is None:  # a part that this share has no use for
+                parameter.grad = torch.zeros_like(parameter)
+            parameter.grad = accelerator.reduce(parameter.grad, "mean")
     norm = nn.utils.clip_grad_norm_(model.parameters(), config.clip)
     optimizer.step()
     return {"loss": loss.item(), "norm": norm.item(), **metrics}
 
 
-def _validated(model: nn.Module, validate: Callable[[], dict[str, float]]) -> dict[str, float]:
+def _validated(
+    model: nn.Module, validate: Callable[[], dict[str, float]], accelerator: Accelerator
+) -> dict[str, float]:
     model.eval()
-    with torch.inference_mode(), autocast():
+    with torch.inference_mode(), accelerator.autocast():
         return {f"validation_{key}": value for key, value in validate().items()}
 
 
-def _log(folder: Path, row: dict[str, Any]) -> None:
-    with (folder / "metrics.jsonl").open("a") as file:
-        file.write(json.dumps({key: round(value, 5) for key, value in row.items()}) + "\n")
+def _log(folder: Path, row: dict[str, Any], accelerator: Accelerator) -> None:
+    accelerator.log(row, step=row["step"])
+    if accelerator.is_main_process:
+        with (folder / "metrics.jsonl").open("a") as file:
+            file.write(json.dumps({key: round(value, 5) for key, value in row.items()}) + "\n")
 
 
-def _write(state: dict[str, Any], path: Path) -> None:
-    content = io.BytesIO()
-    torch.save(state, content)
-    write_atomically(path, content.getvalue())
+def _write(state: dict[str, Any], path: Path, accelerator: Accelerator) -> None:
+    if accelerator.is_main_process:
+        content = io.BytesIO()
+        torch.save(state, content)
+        write_atomically(path, content.getvalue())
 
 
-def _resume(
-    folder: Path, model: nn.Module, optimizer: torch.optim.Adam, settings: str
-) -> tuple[int, dict[str, float]]:
+def _resume(folder: Path, model: nn.Module, optimizer: torch.optim.Adam, settings: str) -> Progress:
     if not (folder / "state.pt").exists():
-        return 0, {}
-    state = torch.load(folder / "state.pt", weights_only=True)
+        return Progress()
+    state = torch.load(folder / "state.pt", map_location=device(), weights_only=True)
     if state.get("settings") != settings:
         raise UserError(f"{folder} holds a training with other settings; delete it or use another folder")
     model.load_state_dict(state["model"])
     optimizer.load_state_dict(state["optimizer"])
-    return int(state["step"]), state["metrics"]
+    return Progress(state["step"], state["stale"], state["best"])

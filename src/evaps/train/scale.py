@@ -23,6 +23,18 @@ class Scale:
     """Batches for LGRL."""
     lgrl_batch: int
     """Tasks in one of them."""
+    rl_steps: int
+    """Batches of reinforcement learning."""
+    rl_batch: int
+    """Tasks in one of them."""
+    rl_beam: int
+    """Programs of each of these that are run."""
+    rl_draws: int
+    """Draws in a bag, of which the best counts."""
+    retrained_tasks: int
+    """Training tasks on which Latent Execution may find targets of its own."""
+    patience: int
+    """Validations without an improvement after which a training stops."""
     mistake_tasks: int
     """Training tasks that the repairer sees mistakes on."""
     mutations: int
@@ -36,7 +48,64 @@ class Scale:
 
 
 SCALES = {
-    "smoke": Scale(40, 500, 0, 4, 8, 8, 8, 10, 1, 2, (4, 4), 8),
-    "small": Scale(20_000, 22_000, 8_000, 7_500, 16, 2_000, 128, 10_000, 1, 2, (300, 1_800), 64),
-    "paper": Scale(100_000, 100_000, 40_000, 40_000, 16, 30_000, 128, 70_000, 2, 3, (10_000, 20_000), 64),
+    "smoke": Scale(
+        tasks=40,
+        walks=500,
+        task_walks=0,
+        encoder_steps=4,
+        encoder_batch=8,
+        lgrl_steps=8,
+        lgrl_batch=8,
+        rl_steps=3,
+        rl_batch=4,
+        rl_beam=4,
+        rl_draws=2,
+        retrained_tasks=20,
+        patience=5,
+        mistake_tasks=10,
+        mutations=1,
+        failures=2,
+        evaps_steps=(4, 4),
+        evaps_batch=8,
+    ),
+    "small": Scale(
+        tasks=20_000,
+        walks=22_000,
+        task_walks=8_000,
+        encoder_steps=7_500,
+        encoder_batch=16,
+        lgrl_steps=1_500,
+        lgrl_batch=128,
+        rl_steps=200,
+        rl_batch=16,
+        rl_beam=16,
+        rl_draws=5,
+        retrained_tasks=4_000,
+        patience=5,
+        mistake_tasks=10_000,
+        mutations=1,
+        failures=2,
+        evaps_steps=(300, 1_800),
+        evaps_batch=64,
+    ),
+    "paper": Scale(
+        tasks=100_000,
+        walks=100_000,
+        task_walks=40_000,
+        encoder_steps=40_000,
+        encoder_batch=16,
+        lgrl_steps=30_000,
+        lgrl_batch=128,
+        rl_steps=5_000,
+        rl_batch=16,
+        rl_beam=64,
+        rl_draws=5,
+        retrained_tasks=70_000,
+        patience=10,
+        mistake_tasks=70_000,
+        mutations=2,
+        failures=3,
+        evaps_steps=(10_000, 20_000),
+        evaps_batch=64,
+    ),
 }

@@ -1,0 +1,128 @@
+"""What all trainings have in common: a data set, its features, checkpoints to start from and to write."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from evaps.dsl import VOCAB, Program
+from evaps.models import load_encoder
+from evaps.models.base import Synthesizer
+from evaps.models.beam import beam_search
+from evaps.models.checkpoint import hash_of, load_weights, read_config, save_checkpoint
+from evaps.models.compute import autocast, device, precision
+from evaps.robots.workers import Workers
+from evaps.synthesis.features import dataset_features
+from evaps.tasks.dataset import Dataset
+from evaps.tasks.identity import code_version
+from evaps.tasks.task import EXAMPLES
+from evaps.train.judge import Judge
+from evaps.train.loop import FitConfig
+from evaps.train.scale import SCALES
+
+DECODED_TOGETHER = 16  # tasks
+
+
+class Run:
+    """One call of :func:`evaps.train.train`.
+
+    Args:
+        dataset: what is learned from.
+        out: folder of the checkpoints; each method has a folder in it.
+        scale: a name in SCALES.
+        seed: of everything random in the training.
+        workers: who simulates.
+        tensorboard: write metrics for it, too.
+    """
+
+    def __init__(
+        self, dataset: Dataset, out: Path, scale: str, seed: int, workers: Workers, tensorboard: bool = False
+    ) -> None:
+        self.dataset, self.out, self.seed, self.workers = dataset, out, seed, workers
+        self.scale_name, self.scale = scale, SCALES[scale]
+        self.tensorboard = tensorboard
+        self._start, self._commit = time.monotonic(), code_version()
+
+    @cached_property
+    def programs(self) -> list[list[int]]:
+        """The token ids of every task's program."""
+        return [VOCAB.encode(program.split()) for program in self.dataset.rows.column("program")]
+
+    @cached_property
+    def features(self) -> np.ndarray[Any, np.dtype[np.float16]]:
+        """Of every example's first and last observation, ``[task, pair, 2, feature]``."""
+        folder = self.out / "encoder"
+        return dataset_features(self.dataset, load_encoder(folder).to(device()), hash_of(folder))
+
+    @cached_property
+    def position_of(self) -> dict[int, int]:
+        """The position of the task with an index."""
+        return {index: position for position, index in enumerate(self.dataset.rows.column("index"))}
+
+    @cached_property
+    def judge(self) -> Judge:
+        """Runs programs on the data set's scenes."""
+        return Judge(self.dataset)
+
+    def task_features(self, positions: Sequence[int], pairs: Any = slice(EXAMPLES)) -> torch.Tensor:
+        """The features of tasks, float32 ``[task, pair, 2, feature]``, on the device.
+
+        Args:
+            positions: of the tasks.
+            pairs: which examples: a slice for all of them, or rows ``[task, pair]``.
+        """
+        rows = np.asarray(positions)
+        chosen = (
+            self.features[rows][:, pairs] if isinstance(pairs, slice) else self.features[rows[:, None], pairs]
+        )
+        return torch.from_numpy(chosen.astype(np.float32)).to(device())
+
+    def beam(self, model: Synthesizer, positions: Sequence[int], beam: int) -> Iterator[list[Program]]:
+        """The synthesizer's programs for tasks, from their five specification examples, best first."""
+        for start in range(0, len(positions), DECODED_TOGETHER):
+            features = self.task_features(positions[start : start + DECODED_TOGETHER])
+            with autocast():
+                proposals = beam_search(model, features, beam)
+            yield from ([p.program for p in group] for group in proposals)
+
+    def made_from(self, model: Any, *checkpoints: str) -> dict[str, Any]:
+        """All that a training depends on: its scale, its data, the model's sizes and what it starts from."""
+        return {
+            "scale": asdict(self.scale),
+            "dataset": self.dataset.identity,
+            "model": asdict(model.config),
+            "checkpoints": {name: hash_of(self.out / name) for name in checkpoints},
+        }
+
+    def start_from_pairs(self, model: torch.nn.Module) -> None:
+        """The embedding of pairs starts from stage 0's, which has seen far more pairs than there are."""
+        folder = self.out / "pair"
+        read_config(folder, "pair")
+        load_weights(folder, model.get_submodule("pair"))
+
+    def save(self, model: torch.nn.Module, name: str, config: FitConfig, metrics: dict[str, float]) -> Path:
+        """Write a checkpoint, with the facts of its making."""
+        facts = {
+            "scale": self.scale_name,
+            "seed": self.seed,
+            "dataset": self.dataset.identity,
+            "fit": asdict(config),
+            "metrics": {key: round(value, 5) for key, value in metrics.items()},
+            "commit": self._commit,
+            "evaps": version("evaps"),
+            "torch": torch.__version__,
+            "cores": os.cpu_count(),
+            "precision": precision(),
+            "minutes_of_last_run": round((time.monotonic() - self._start) / 60, 1),
+        }
+        save_checkpoint(self.out / name, model, name, facts)
+        return self.out / name
