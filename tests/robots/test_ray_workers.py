@@ -6,8 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from robot_jobs import die, die_once, fail, random_run
+from test_workers import wait_for
 
 from evaps.dsl import UserError
 from evaps.dsl.sampler import PERCEPTION_KEYS
@@ -41,7 +43,17 @@ def expected() -> dict[int, Any]:
 
 
 def test_results_are_those_of_this_process(address: str, expected: dict[int, Any]) -> None:
+    before = {*Path("/tmp").glob("evaps-*"), *Path("/dev/shm").glob("ViZDoom*")}
     assert dict(robot_map(random_run, ITEMS, Workers(2, "ray", address), CONFIG)) == expected
+    wait_for(lambda: not left_behind(before), 10)
+    assert not left_behind(before)
+
+
+def left_behind(before: set[Path]) -> list[Path]:
+    """Files of engines of processes that are no more, of those that came since."""
+    files = {*Path("/tmp").glob("evaps-*"), *Path("/dev/shm").glob("ViZDoom*")} - before
+    living = " ".join(word for p in psutil.process_iter(["cmdline"]) for word in p.info["cmdline"] or ())
+    return [path for path in files if path.name not in living and path.name[-10:] not in living]
 
 
 def test_a_worker_that_dies_is_replaced(address: str, expected: dict[int, Any], tmp_path: Path) -> None:
@@ -73,6 +85,8 @@ def test_a_cluster_that_is_not_there_is_one_line() -> None:
     with pytest.raises(UserError, match="no Ray cluster at 'nowhere'") as error:
         list(robot_map(random_run, ITEMS, Workers(1, "ray", "nowhere"), CONFIG))
     assert "\n" not in str(error.value)
+    with pytest.raises(UserError, match=r"no Ray cluster at '127.0.0.1:1': Connection refused"):
+        list(robot_map(random_run, ITEMS, Workers(1, "ray", "127.0.0.1:1"), CONFIG))
 
 
 def test_without_ray_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

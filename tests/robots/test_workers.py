@@ -160,12 +160,42 @@ def test_a_second_ctrl_c_leaves_no_engine_behind_either(engines: Engines, tmp_pa
 def test_a_killed_parent_leaves_nothing_behind(engines: Engines, tmp_path: Path, workers: int) -> None:
     job, started = start_job(tmp_path, workers, engines)
     children = Path(f"/proc/{job.pid}/task/{job.pid}/children").read_text().split()
+    time.sleep(1)  # engines that have only just started may leave three small files of shared memory
     traces = [trace for pid in started for trace in traces_of(pid)]
     assert len(traces) >= 2 * len(started)
     job.kill()
     job.communicate(timeout=60)
     assert wait_for(lambda: all_gone({*started, *map(int, children)}), 10)
     assert wait_for(lambda: not any(path.exists() for path in traces), 10)
+
+
+def test_an_engine_that_just_starts_ends_with_its_process(engines: Engines, tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(SCRIPT)
+    command = [sys.executable, "script.py", str(Path(__file__).parent), "0"]
+    job = subprocess.Popen(command, cwd=tmp_path)
+    assert wait_for(lambda: bool(engines(job.pid)))
+    started = engines(job.pid)
+    job.kill()
+    job.wait()
+    assert wait_for(lambda: all_gone(started), 10)
+
+
+def test_the_end_of_a_fork_is_not_the_end_of_the_engine(tmp_path: Path) -> None:
+    code = """
+import os, sys, numpy as np
+from evaps.robots.doom import DoomRobot
+from evaps.robots.scenes import random_scene
+robot = DoomRobot()
+robot.reset(random_scene(np.random.default_rng(0)))
+if os.fork() == 0:
+    sys.exit(0)
+os.wait()
+pid = robot._engine.pid
+robot.act("ATTACK")
+robot.observe()
+assert robot._engine.pid == pid
+"""
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=60)
 
 
 def traces_of(pid: int) -> list[Path]:

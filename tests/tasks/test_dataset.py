@@ -111,6 +111,25 @@ def test_the_table_alone_is_enough_to_render(folder: Path, tmp_path: Path) -> No
     assert files(tmp_path) == {k: v for k, v in files(folder).items() if not k.startswith("parts")}
 
 
+def test_frames_of_a_smaller_set_are_not_taken_for_all(folder: Path, copy: Path) -> None:
+    path = copy / "frames" / "frames-00001.parquet"
+    pq.write_table(pq.read_table(path).slice(0, 2), path)
+    with pytest.raises(DatasetError, match=f"frames of {PART - 2} tasks are missing; .* evaps render"):
+        list(Dataset(copy).frames(range(TASKS)))
+    (copy / "frames" / "frames-00002.parquet").write_bytes(b"damaged")
+    assert render(copy, Workers(0)) == TASKS
+    assert files(copy) == files(folder)
+
+
+def test_a_check_reads_the_frames(copy: Path, robot: MemoRobot) -> None:
+    path = copy / "frames" / "frames-00000.parquet"
+    table = pq.read_table(path)
+    shifted = table["frames"].to_pylist()
+    column = pa.array([shifted[-1], *shifted[:-1]])
+    pq.write_table(table.set_column(1, table.schema.field(1), column), path)
+    assert check(Dataset(copy), 1, robot) == ["the frames of task 0 are not its own; delete and render them"]
+
+
 def test_there_is_nothing_to_render_in_a_folder_without_tasks(folder: Path, tmp_path: Path) -> None:
     shutil.copy(folder / "dataset.json", tmp_path)
     with pytest.raises(DatasetError, match="has no tasks yet; make them with: evaps generate"):

@@ -87,7 +87,7 @@ class Render(Command):
     address: Annotated[str | None, arg(metavar="ADDRESS")] = None
     """Of a running Ray cluster; else RAY_ADDRESS, else one is started on this machine."""
     traces: bool = False
-    """All observations of the runs, with the perceptions that are true in them; 170 KB a task."""
+    """All observations of the runs, with the perceptions that are true in them; 200 KB a task."""
 
     def run(self) -> None:
         """Render, with progress on standard error."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import os
 import signal
@@ -22,7 +23,7 @@ import psutil
 
 from evaps.robots.base import EngineError
 from evaps.robots.frames import Image
-from evaps.robots.guard import GUARD
+from evaps.robots.guard import GUARD, shared_memory
 from evaps.robots.wad import arena_wad, unpack
 
 WIDTH, HEIGHT = 160, 120
@@ -60,9 +61,9 @@ class Engine:
         with self._at_its_core():  # which its process inherits
             self.game = start_engine(wad)
         self.pid = _pid_of(wad)
-        GUARD.add(files.name, self.pid, _shared_memory(self.pid))
+        GUARD.add(files.name, self.pid, shared_memory(_arguments(self.pid)))
         self._watch = _Watch(self.pid, time_limit)
-        self.close = weakref.finalize(self, _end, self.game, files, self._watch)
+        self.close = weakref.finalize(self, _end, self.game, files, self._watch, os.getpid())
         """End the process."""
 
     def call(self, work: Callable[[Any], Result]) -> Result:
@@ -120,8 +121,12 @@ class _Watch:
                     os.kill(self.pid, signal.SIGKILL)
 
 
-def _end(game: Any, files: tempfile.TemporaryDirectory[str], watch: _Watch) -> None:
+def _end(game: Any, files: tempfile.TemporaryDirectory[str], watch: _Watch, owner: int) -> None:
     """Kill it: it has nothing to save, and one that hangs would let no thread of this process go on."""
+    if os.getpid() != owner:  # a fork's end is not the end of the engine
+        files._finalizer.detach()  # type: ignore[attr-defined]
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(game))  # it would wait for threads that are not here
+        return
     watch.over.set()
     if watch.pid is not None:
         with suppress(OSError):
@@ -129,6 +134,12 @@ def _end(game: Any, files: tempfile.TemporaryDirectory[str], watch: _Watch) -> N
     game.close()
     files.cleanup()
     GUARD.remove(files.name)
+
+
+def _arguments(pid: int | None) -> list[str]:
+    with suppress(psutil.Error, OSError):
+        return list(psutil.Process(pid).cmdline())
+    return []
 
 
 def _pid_of(wad: Path) -> int | None:
@@ -139,15 +150,6 @@ def _pid_of(wad: Path) -> int | None:
                 if str(wad) in child.cmdline():
                     return int(child.pid)
     return None
-
-
-def _shared_memory(pid: int | None) -> list[str]:
-    """What the engine shares with this process, by its name in the list of files, where there is one."""
-    with suppress(psutil.Error, OSError, ValueError):
-        arguments = psutil.Process(pid).cmdline()
-        instance = arguments[arguments.index("+viz_instance_id") + 1]
-        return [str(path) for path in Path("/dev/shm").glob(f"ViZDoom*{instance}")]
-    return []
 
 
 def core_of(number: int) -> int | None:

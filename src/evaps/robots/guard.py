@@ -5,6 +5,7 @@ It loads nothing but the standard library, so that it starts in 15 ms and holds 
 
 from __future__ import annotations
 
+import glob
 import json
 import os
 import shutil
@@ -12,9 +13,11 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterable, Sequence
+import time
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from typing import Any
+from itertools import pairwise
+from typing import IO, Any
 
 
 class Guard:
@@ -22,7 +25,8 @@ class Guard:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._process: subprocess.Popen[str] | None = None
+        self._pipe: IO[str] | None = None
+        self._owner = 0  # a fork has engines of its own, and needs a guard of its own
 
     def add(self, folder: str, pid: int | None = None, shared: Sequence[str] = ()) -> None:
         """An engine: the folder of its files, its process, and the files of the memory that it shares."""
@@ -33,15 +37,14 @@ class Guard:
         self._tell({"folder": folder})
 
     def _tell(self, what: dict[str, object]) -> None:
-        with self._lock, suppress(OSError, ValueError):  # without it nothing is lost but tidiness
-            if self._process is None or self._process.poll() is not None:
-                self._process = self._start()
-            assert self._process.stdin is not None
-            self._process.stdin.write(json.dumps(what) + "\n")
-            self._process.stdin.flush()
+        with self._lock, suppress(OSError):  # without it nothing is lost but tidiness
+            if self._pipe is None or self._owner != os.getpid():
+                self._pipe, self._owner = self._start(), os.getpid()
+            self._pipe.write(json.dumps(what) + "\n")
+            self._pipe.flush()
 
-    def _start(self) -> subprocess.Popen[str]:
-        return subprocess.Popen(
+    def _start(self) -> IO[str]:
+        process = subprocess.Popen(
             [sys.executable, "-I", "-S", __file__],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
@@ -49,6 +52,9 @@ class Guard:
             text=True,
             start_new_session=True,  # what ends this process's group is not meant for it
         )
+        process.wait()  # it goes on in a process of its own: Ray ends the children of its workers
+        assert process.stdin is not None
+        return process.stdin
 
 
 GUARD = Guard()
@@ -64,23 +70,47 @@ def watch(lines: Iterable[str]) -> None:
         else:
             left.pop(said["folder"], None)
     for folder, engine in left.items():
-        if engine["pid"] is not None and _is_engine(engine["pid"], folder):
-            with suppress(OSError):
-                os.kill(engine["pid"], signal.SIGKILL)
-        for path in engine["shared"]:
+        shared = engine["shared"]
+        if engine["pid"] is None:  # it was just being started
+            for pid, arguments in _engines_of(folder):
+                shared += shared_memory(arguments)
+                _kill(pid)
+        elif folder in " ".join(_arguments(engine["pid"])):  # it is no other process with its number
+            _kill(engine["pid"])
+        for path in shared:
             with suppress(OSError):
                 os.unlink(path)
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _is_engine(pid: int, folder: str) -> bool:
-    """Whether it still is the engine, and not another process with its number."""
+def shared_memory(arguments: Sequence[str]) -> list[str]:
+    """The files of the memory that an engine with these arguments shares, where there are such files."""
+    instance = dict(pairwise(arguments)).get("+viz_instance_id")
+    return glob.glob(f"/dev/shm/ViZDoom*{instance}") if instance else []
+
+
+def _engines_of(folder: str) -> Iterator[tuple[int, list[str]]]:
+    """Engines that were started with a folder; one may turn up only in a moment."""
+    for _ in range(10):
+        for pid in (int(name) for name in os.listdir("/proc") if name.isdecimal()):
+            arguments = _arguments(pid)
+            if "+viz_instance_id" in arguments and folder in " ".join(arguments):
+                yield pid, arguments
+        time.sleep(0.1)
+
+
+def _arguments(pid: int) -> list[str]:
     try:
-        with open(f"/proc/{pid}/cmdline", "rb") as file:
-            return folder.encode() in file.read()
+        with open(f"/proc/{pid}/cmdline") as file:
+            return file.read().split("\0")
     except OSError:
-        return not os.path.isdir("/proc/self")  # where there is no such list, it is taken for granted
+        return []
 
 
-if __name__ == "__main__":
+def _kill(pid: int) -> None:
+    with suppress(OSError):
+        os.kill(pid, signal.SIGKILL)
+
+
+if __name__ == "__main__" and os.fork() == 0:
     watch(sys.stdin)

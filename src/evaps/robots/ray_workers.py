@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import socket
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
@@ -12,12 +13,14 @@ from evaps.dsl import UserError
 from evaps.robots.base import EngineError
 from evaps.robots.engine import core_of, is_settled, settle
 from evaps.robots.memo import MemoRobot
-from evaps.robots.workers import TRIES, RobotConfig, Workers, call
+from evaps.robots.workers import TRIES, RobotConfig, Workers, call, close_robots
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 PLACED_WITHIN = 60.0  # seconds that a cluster has to find a processor for each worker
+CLOSED_WITHIN = 5.0  # seconds that workers have to end their engines
+ANSWERS_WITHIN = 5.0  # seconds that the head of a cluster has to accept a connection
 
 
 class RayWorker:
@@ -43,6 +46,10 @@ class RayWorker:
         if not is_settled():
             settle(core_of(number))
         return call(function, item, config)
+
+    def close(self) -> None:
+        """End the engines."""
+        close_robots()
 
 
 def ray_map(
@@ -82,6 +89,7 @@ def ray_map(
             idle.append(actor)
             yield item, _result(ray, done)
     finally:
+        ray.wait([actor.close.remote() for actor in actors], num_returns=len(actors), timeout=CLOSED_WITHIN)
         for actor in actors:
             ray.kill(actor)
         if is_ours:
@@ -97,6 +105,8 @@ def _connect(address: str | None, workers: int) -> tuple[Any, bool]:
         raise UserError("ray is not installed; try: pip install 'evaps[cluster]'") from None
     if ray.is_initialized():
         return ray, False
+    if address is not None:
+        _check_address(address)
     try:
         # "local": else Ray may join whatever cluster somebody else has started on this machine
         ray.init(
@@ -106,10 +116,24 @@ def _connect(address: str | None, workers: int) -> tuple[Any, bool]:
             logging_level=logging.ERROR,
             include_dashboard=False,
         )
-    except (ConnectionError, ValueError) as error:
+    except (ConnectionError, RuntimeError, ValueError) as error:
         reason = " ".join(str(error).split())[:200]
         raise UserError(f"there is no Ray cluster at {address!r}: {reason}") from None
     return ray, True
+
+
+def _check_address(address: str) -> None:
+    """Ray itself looks for a head that is not there for minutes.
+
+    Raises:
+        UserError: nobody listens there.
+    """
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if host and port.isdecimal():
+        try:
+            socket.create_connection((host, int(port)), ANSWERS_WITHIN).close()
+        except OSError as error:
+            raise UserError(f"there is no Ray cluster at {address!r}: {error.strerror or error}") from None
 
 
 def _actors(ray: Any, count: int) -> dict[Any, int]:

@@ -11,7 +11,6 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
 from multiprocessing import connection
 from typing import Any, ClassVar, TypeVar
 
@@ -240,10 +239,21 @@ def _end_with_parent() -> None:
     os.killpg(0, signal.SIGKILL)
 
 
-@cache
+_robots: dict[RobotConfig, MemoRobot] = {}
+"""Those of this process; they live as long as it does."""
+
+
 def _robot(config: RobotConfig) -> MemoRobot:
-    spares = [_WorkerRobot() for _ in range(config.spares)]
-    return MemoRobot(_WorkerRobot(), config.perceptions, config.eager, spares=spares)
+    if config not in _robots:
+        spares = [_WorkerRobot() for _ in range(config.spares)]
+        _robots[config] = MemoRobot(_WorkerRobot(), config.perceptions, config.eager, spares=spares)
+    return _robots[config]
+
+
+def close_robots() -> None:
+    """End the engines of this process's robots."""
+    for robot in _robots.values():
+        robot.close()
 
 
 def call(function: Callable[[MemoRobot, Item], Result], item: Item, config: RobotConfig) -> Result:

@@ -183,7 +183,7 @@ def read_frames(folder: Path, indices: Sequence[int]) -> Iterator[tuple[int, byt
     Raises:
         DatasetError: the frames were left out.
     """
-    wanted = set(indices)
+    wanted, found = set(indices), set()
     size = read_identity(folder).get("part", PART)
     for number in sorted({index // size for index in wanted}):
         path = Part(folder, 0, number).frames
@@ -191,7 +191,12 @@ def read_frames(folder: Path, indices: Sequence[int]) -> Iterator[tuple[int, byt
             raise DatasetError(f"{path} is missing; make the frames with: evaps render {folder}")
         for row in read_table(path, DatasetError).to_pylist():
             if row["index"] in wanted:
+                found.add(row["index"])
                 yield row["index"], row["frames"]
+    if missing := wanted - found:
+        raise DatasetError(
+            f"frames of {len(missing)} tasks are missing; make them with: evaps render {folder}"
+        )
 
 
 def gold_task(row: dict[str, Any], frames: bytes) -> GoldTask:

@@ -12,8 +12,10 @@ import numpy as np
 
 from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.robots.base import WorldState
+from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot
-from evaps.tasks.dataset import SPLITS, Dataset
+from evaps.tasks.dataset import SPLITS, Dataset, read_frames
+from evaps.tasks.frames import unpack_frames
 from evaps.tasks.manifest import PART, DatasetError
 from evaps.tasks.render import run_again
 
@@ -102,9 +104,23 @@ def check(dataset: Dataset, count: int, robot: MemoRobot) -> list[str]:
             for state, _ in zip(states, run_again(row, robot), strict=True):
                 if not _same(robot.state(), state):
                     raise DatasetError(f"task {row['index']} does not end as it did")
+            _check_frames(dataset, row)
         except DatasetError as fault:
             faults.append(str(fault))
     return faults
+
+
+def _check_frames(dataset: Dataset, row: Mapping[str, Any]) -> None:
+    """The frames of a task are those that its digests say, unless they were left out.
+
+    Raises:
+        DatasetError: they are not, or cannot be read.
+    """
+    if not (dataset.folder / "frames").is_dir():
+        return
+    for _, frames in read_frames(dataset.folder, [row["index"]]):
+        if [digest(f) for f in unpack_frames(frames)] != [*row["first_digests"], *row["last_digests"]]:
+            raise DatasetError(f"the frames of task {row['index']} are not its own; delete and render them")
 
 
 def _same(a: WorldState, b: WorldState) -> bool:

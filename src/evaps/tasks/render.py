@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+
 from evaps.dsl import Program, Trace, run
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.base import Scene
@@ -38,19 +40,29 @@ class Rendering:
         """The file of the frames."""
         return self.part.traces if self.traces else self.part.frames
 
+    def is_complete(self) -> bool:
+        """Whether the file holds all of the part's tasks: it may be damaged, or of a smaller data set."""
+        try:
+            there = read_table(self.path, DatasetError, columns=["index"])["index"].to_pylist()
+        except DatasetError:
+            return False
+        return set(self._wanted(["index"])["index"].to_pylist()) <= set(there)
+
     def loaded(self) -> Rendering:
         """The same with the rows of its tasks; without their part, those that the data set has kept.
 
         Raises:
             DatasetError: their file is damaged.
         """
+        return replace(self, rows=tuple(self._wanted().to_pylist()))
+
+    def _wanted(self, columns: list[str] | None = None) -> pa.Table:
         if self.part.path.exists():
-            table = read_table(self.part.path, DatasetError)
-        else:
-            indices = self.part.indices
-            wanted = [("index", ">=", indices.start), ("index", "<", indices.stop)]
-            table = read_table(self.part.folder / "tasks.parquet", DatasetError, filters=wanted)
-        return replace(self, rows=tuple(table.to_pylist()))
+            return read_table(self.part.path, DatasetError, columns=columns)
+        indices = self.part.indices
+        kept = [("index", ">=", indices.start), ("index", "<", indices.stop)]
+        path = self.part.folder / "tasks.parquet"
+        return read_table(path, DatasetError, columns=columns, filters=kept)
 
 
 def render_part(robot: MemoRobot, rendering: Rendering) -> Files:
@@ -129,4 +141,7 @@ def render_parts(parts: Sequence[Part], workers: Workers, traces: bool = False) 
     """Make the frames, or the traces, of those parts that have none."""
     robot = replace(ROBOT, eager=traces)  # in the middle of a run nobody looks, unless its trace is wanted
     renderings = [Rendering(part, traces) for part in parts]
+    for rendering in renderings:
+        if rendering.path.exists() and not rendering.is_complete():
+            rendering.path.unlink()
     make_parts(render_part, renderings, workers, "tasks", parts[0].size, Rendering.loaded, robot)

@@ -97,7 +97,7 @@ def _mean_loss(model: Repairer, mistakes: Mistakes, table: Tensor) -> float:
 
 
 def _repairs(run: Run, model: Repairer, mistakes: Mistakes, table: Tensor) -> dict[str, float]:
-    """The shares of the synthesizer's failures that one repair makes do what they should, or exactly right."""
+    """The shares of the synthesizer's failures that one repair makes semantically, and exactly, right."""
     rows = [i for i, stage in enumerate(mistakes.stages) if stage == 2][:VALIDATION_REPAIRS]
     repaired: list[Program | None] = []
     for start in range(0, len(rows), 64):
