@@ -14,7 +14,7 @@ from evaps.cli.workers import available_cores, workers_from
 
 @dataclass(frozen=True)
 class Train(Command):
-    """Train a method, or go on with it: first `encoder`, then a synthesizer, then a repairer.
+    """Train a method, or go on with it: first `encoder`, then `inverse`, a synthesizer, and a repairer.
 
     Each gets a folder with its checkpoint in OUT. What a step needs (random walks, embeddings of frames, runs
     of wrong programs) is made once and kept beside the data set.
@@ -23,7 +23,7 @@ class Train(Command):
     stopped: ClassVar[str] = "stopped; the same command goes on where it last saved, a minute ago at most"
 
     method: Positional[Annotated[str, arg(metavar="encoder|METHOD")]]
-    """What to train: encoder, then lgrl, transformer or latent-execution, then lgrl-rl, sed, evaps, or an
+    """What to train: encoder, then inverse (for verified synthesis), lgrl, transformer or latent-execution, then lgrl-rl, sed, evaps, or an
     ablation of it: naive, evaps-o, evaps-s."""
     data: Folder
     """Folder of the data set, from `evaps generate`."""

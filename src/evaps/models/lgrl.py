@@ -37,6 +37,8 @@ class LGRLConfig:
     """Layers of the LSTM."""
     dropout: float = 0.2
     """On the LSTM's input and output, against overfitting on few tasks (this project's choice)."""
+    norm: bool = True
+    """Whether the pairs' embeddings are normalised: as stage 0 leaves them, they are of all sizes up to 100."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class LGRL(Synthesizer):
         super().__init__()
         self.config = config
         self.pair = PairEmbedding(PairConfig(config.feature, config.pair))
-        self.norm = nn.LayerNorm(config.pair)  # stage 0's embeddings are as large as 100, and of all sizes
+        self.norm = nn.LayerNorm(config.pair) if config.norm else nn.Identity()
         self.embedding = nn.Embedding(len(VOCAB), config.embedding)  # <pad> stands for the start
         self.lstm = nn.LSTM(config.embedding + config.pair, config.hidden, config.layers, batch_first=True)
         self.dropout = nn.Dropout(config.dropout)

@@ -28,13 +28,10 @@ MOST_NOISE = 0.2  # share of pixels that are dropped from half of the frames
 
 def train_encoder(run: Run) -> Path:
     """Learn the embedding space; the embedding of pairs gets a checkpoint of its own."""
-    train = run.dataset.split("train")[: run.scale.task_walks]
-    rows = (run.dataset.rows[p] for p in train)
-    starts = [_start(row, row["index"] % EXAMPLES) for row in rows]
-    paths = generate_walks(run.dataset.folder / "walks", run.scale.walks, run.seed, run.workers, starts)
+    walks = find_walks(run)
     torch.manual_seed(run.seed)
     model = TransitionModel(EncoderConfig()).to(device())
-    batches = WalkBatches(Walks.read(paths), run.scale.encoder_batch, run.seed)
+    batches = WalkBatches(walks, run.scale.encoder_batch, run.seed)
     config = FitConfig(run.scale.encoder_steps, rate=1e-3, seed=run.seed, validate_every=500)
     metrics = fit(
         model,
@@ -48,6 +45,15 @@ def train_encoder(run: Run) -> Path:
     )
     run.save(model.pair, "pair", config, metrics)
     return run.save(model.encoder, "encoder", config, metrics)
+
+
+def find_walks(run: Run) -> Walks:
+    """Random walks; some begin as a training program did."""
+    train = run.dataset.split("train")[: run.scale.task_walks]
+    rows = (run.dataset.rows[p] for p in train)
+    starts = [_start(row, row["index"] % EXAMPLES) for row in rows]
+    folder = run.dataset.folder / "walks"
+    return Walks.read(generate_walks(folder, run.scale.walks, run.seed, run.workers, starts))
 
 
 def _start(row: dict[str, Any], example: int) -> tuple[Scene, tuple[str, ...]]:

@@ -14,6 +14,7 @@ from evaps.models.compute import device
 from evaps.robots.workers import TWO, Workers
 from evaps.tasks.dataset import Dataset
 from evaps.train.encoder import train_encoder
+from evaps.train.inverse import train_inverse
 from evaps.train.repairers import train_repairer
 from evaps.train.run import Run
 from evaps.train.scale import SCALES
@@ -32,7 +33,7 @@ def train(
     """Train a method, or go on with it; needs what comes before it: encoder, synthesizer, repairer.
 
     Args:
-        method: ``"encoder"`` or a name in METHODS.
+        method: ``"encoder"``, ``"inverse"`` or a name in METHODS.
         data: folder of a data set.
         out: folder of the checkpoints; each method gets a folder in it.
         scale: a name in SCALES.
@@ -52,11 +53,13 @@ def train(
     run = Run(Dataset(data), out, scale, seed, workers, tensorboard)
     if method == "encoder":
         return train_encoder(run)
+    if method == "inverse":
+        _check_there(out, "encoder", method, data)
+        return train_inverse(run)
     start = PROPOSER if is_repairer(method) else METHODS[method].start
     for needed in ("encoder", start):
-        if needed is not None and not (out / needed / "config.json").exists():
-            first = f"evaps train {needed} --data {data} --out {out}"
-            raise CheckpointError(f"{method} needs the checkpoint of {needed} in {out}; first: {first}")
+        if needed is not None:
+            _check_there(out, needed, method, data)
     torch.manual_seed(seed)
     model = new_method(method).to(device())
     if not isinstance(model, Synthesizer):
@@ -64,3 +67,9 @@ def train(
     if start is None:
         return train_synthesizer(run, model)
     return train_on_rewards(run, load_weights(out / start, model), start)
+
+
+def _check_there(out: Path, needed: str, method: str, data: Path) -> None:
+    if not (out / needed / "config.json").exists():
+        first = f"evaps train {needed} --data {data} --out {out}"
+        raise CheckpointError(f"{method} needs the checkpoint of {needed} in {out}; first: {first}")

@@ -19,6 +19,8 @@ class Scale:
     """Batches for the encoder."""
     encoder_batch: int
     """Walks in one of them; each has 9 frames and 36 pairs of them."""
+    inverse_steps: int
+    """Batches for the inverse model."""
     lgrl_steps: int
     """Batches for LGRL."""
     lgrl_batch: int
@@ -54,6 +56,7 @@ SCALES = {
         task_walks=0,
         encoder_steps=4,
         encoder_batch=8,
+        inverse_steps=4,
         lgrl_steps=8,
         lgrl_batch=8,
         rl_steps=3,
@@ -74,6 +77,7 @@ SCALES = {
         task_walks=8_000,
         encoder_steps=7_500,
         encoder_batch=16,
+        inverse_steps=8_000,
         lgrl_steps=1_500,
         lgrl_batch=128,
         rl_steps=200,
@@ -94,6 +98,7 @@ SCALES = {
         task_walks=40_000,
         encoder_steps=40_000,
         encoder_batch=16,
+        inverse_steps=60_000,
         lgrl_steps=30_000,
         lgrl_batch=128,
         rl_steps=5_000,

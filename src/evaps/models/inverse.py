@@ -1,0 +1,101 @@
+"""The inverse model: what is left to do between what the robot sees and what it should see.
+
+It knows nothing of programs. From two observations it says how far the robot still has to turn, to go ahead
+and to go sideways, and how often to shoot, as distributions over signed numbers of actions. An estimate of
+how many actions are left guides the search for traces (`evaps.synthesis.traces`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+AXES = (
+    ("TURN_LEFT", "TURN_RIGHT"),
+    ("MOVE_FORWARD", "MOVE_BACKWARD"),
+    ("MOVE_LEFT", "MOVE_RIGHT"),
+    ("ATTACK", None),
+)
+"""What is counted: an action forwards, and the action that undoes it."""
+
+
+@dataclass(frozen=True)
+class InverseConfig:
+    """Sizes; all are this project's choice."""
+
+    feature: int = 256
+    """Size of an observation's embedding."""
+    hidden: tuple[int, ...] = (768, 512, 512)
+    """Of the layers between two embeddings and the counts."""
+    most: int = 8
+    """The largest number of actions on an axis that is told apart."""
+
+
+class InverseModel(nn.Module):
+    """Two observations in, a distribution over signed counts for each of ``AXES`` out.
+
+    Args:
+        config: sizes.
+    """
+
+    name = "inverse"
+    Config = InverseConfig
+
+    def __init__(self, config: InverseConfig = InverseConfig()) -> None:
+        super().__init__()
+        self.config = config
+        sizes = (3 * config.feature, *config.hidden)
+        layers = [layer for a, b in pairwise(sizes) for layer in (nn.Linear(a, b), nn.ReLU())]
+        self.layers = nn.Sequential(*layers)
+        self.counts = nn.Linear(sizes[-1], len(AXES) * (2 * config.most + 1))
+
+    def forward(
+        self, before: Float[Tensor, "batch feature"], after: Float[Tensor, "batch feature"]
+    ) -> Float[Tensor, "batch axis count"]:
+        """Logits of the counts ``-most`` to ``most`` on each axis."""
+        hidden = self.layers(torch.cat([before, after, after - before], -1))
+        return self.counts(hidden).unflatten(-1, (len(AXES), -1))
+
+    def loss(
+        self,
+        before: Float[Tensor, "batch feature"],
+        after: Float[Tensor, "batch feature"],
+        counts: Int[Tensor, "batch axis"],
+    ) -> Float[Tensor, ""]:
+        """Cross-entropy of the true counts, a sum over the axes."""
+        most = self.config.most
+        wanted = counts.clamp(-most, most) + most
+        return len(AXES) * F.cross_entropy(self(before, after).float().flatten(0, 1), wanted.flatten())
+
+    @torch.inference_mode()
+    def left(
+        self,
+        before: Float[Tensor, "batch feature"],
+        after: Float[Tensor, "batch feature"],
+        actions: Sequence[str],
+    ) -> tuple[Float[Tensor, " batch"], Float[Tensor, "batch action"]]:
+        """How many actions are left, and how many will be left after each action: expectations of |count|."""
+        shares = self(before, after).float().softmax(-1)
+        counts = torch.arange(-self.config.most, self.config.most + 1, device=shares.device)
+        now = (shares * counts.abs()).sum(-1)
+        total = now.sum(-1)
+        after_each = []
+        for action in actions:
+            axis, step = effect(action)
+            moved = (shares[:, axis] * (counts - step).abs()).sum(-1)
+            after_each.append(total - now[:, axis] + moved)
+        return total, torch.stack(after_each, 1)
+
+
+def effect(action: str) -> tuple[int, int]:
+    """The axis that an action counts on, and in which direction."""
+    for axis, (onwards, back) in enumerate(AXES):
+        if action in (onwards, back):
+            return axis, 1 if action == onwards else -1
+    raise KeyError(action)

@@ -1,0 +1,112 @@
+"""The inverse model's training: all pairs of observations of random walks, embedded once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from evaps.dsl.sampler import ACTIONS
+from evaps.files import write_atomically
+from evaps.models import load_encoder
+from evaps.models.checkpoint import hash_of
+from evaps.models.compute import device
+from evaps.models.inverse import AXES, InverseModel
+from evaps.synthesis.features import array_bytes, embed
+from evaps.tasks.frames import unpack_frames
+from evaps.tasks.identity import short_hash
+from evaps.tasks.progress import track
+from evaps.tasks.walks import Walks
+from evaps.train.encoder import HELD_OUT, find_walks
+from evaps.train.loop import FitConfig, Share, fit
+from evaps.train.run import Run
+
+MOVE = 40.0  # map units; a move ahead is 39.4, one to the side 41.0
+BATCH = 32  # walks, with 45 pairs each
+EMBEDDED_TOGETHER = 32  # walks
+
+Rows = npt.NDArray[np.int64]
+
+
+def train_inverse(run: Run) -> Path:
+    """Learn what is left to do between two observations."""
+    walks = find_walks(run)
+    features = walk_features(run, walks)
+    counts = signed_counts(walks)
+    torch.manual_seed(run.seed)
+    model = InverseModel().to(device())
+    config = FitConfig(run.scale.inverse_steps, rate=1e-3, seed=run.seed, validate_every=500)
+
+    def loss_on(rows: Rows) -> tuple[Tensor, Tensor]:
+        before, after, wanted = pairs_of(features[rows], counts[rows])
+        logits = model(before, after)
+        right = (logits.argmax(-1) - model.config.most == wanted).all(1)
+        return model.loss(before, after, wanted), right
+
+    def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
+        rng = np.random.default_rng([run.seed, 5, step])
+        return loss_on(share.of(rng.integers(HELD_OUT, len(features), BATCH)))[0], {}
+
+    def validate() -> dict[str, float]:
+        loss, right = loss_on(np.arange(min(HELD_OUT, len(features))))
+        return {"loss": loss.item(), "right": right.float().mean().item()}
+
+    made_from = run.made_from(model, "encoder")
+    metrics = fit(model, loss_at, config, run.out / "inverse", validate, "right", made_from, run.tensorboard)
+    return run.save(model, "inverse", config, metrics)
+
+
+def walk_features(run: Run, walks: Walks) -> npt.NDArray[np.float16]:
+    """The embeddings of the observations of all walks, ``[walk, time, feature]``; kept beside the walks."""
+    folder = run.out / "encoder"
+    key = short_hash([hash_of(folder), run.seed, run.scale.walks, run.scale.task_walks])
+    path = run.dataset.folder / f"walk-features-{key}.npy"
+    if not path.exists():
+        encoder = load_encoder(folder).to(device())
+        starts = range(0, len(walks.frames), EMBEDDED_TOGETHER)
+        parts = []
+        for start in track(starts, len(walks.frames), "features of walks", 0, EMBEDDED_TOGETHER):
+            packed = walks.frames[start : start + EMBEDDED_TOGETHER]
+            frames = [frame for walk in packed for frame in unpack_frames(walk)]
+            parts.append(embed(encoder, frames).cpu().numpy().astype(np.float16))
+        features = np.concatenate(parts).reshape(len(walks.frames), -1, encoder.config.feature)
+        write_atomically(path, array_bytes(features))
+    return np.load(path, mmap_mode="r")  # type: ignore[no-any-return]
+
+
+def signed_counts(walks: Walks) -> npt.NDArray[np.float64]:
+    """What has happened since the start of each walk, at each time: ``[walk, time, 5]``.
+
+    Turns and shots as they were done, and the place in moves. Where a way was blocked the place says so,
+    and the actions would not: it is how far it got that can be seen.
+    """
+    index = {action: i for i, action in enumerate(ACTIONS)}
+    done = np.eye(len(ACTIONS))[walks.actions].cumsum(1)
+    done = np.concatenate([np.zeros_like(done[:, :1]), done], 1)
+    turns = done[..., index["TURN_LEFT"]] - done[..., index["TURN_RIGHT"]]
+    places = walks.poses[..., :2] / MOVE
+    heading = np.deg2rad(walks.poses[..., 2:])
+    return np.concatenate([turns[..., None], done[..., index["ATTACK"], None], places, heading], -1)
+
+
+def pairs_of(
+    features: npt.NDArray[np.float16], counts: npt.NDArray[np.float64]
+) -> tuple[Tensor, Tensor, Tensor]:
+    """All (earlier, later) observations of walks, and what happened in between, as counts on ``AXES``."""
+    length = features.shape[1]
+    early, late = np.array([(i, j) for i in range(length) for j in range(i, length)]).T
+    before, after = counts[:, early], counts[:, late]
+    turns, shots, x, y, _ = np.moveaxis(after - before, -1, 0)
+    heading = before[..., 4]
+    ahead = x * np.cos(heading) + y * np.sin(heading)
+    left = y * np.cos(heading) - x * np.sin(heading)
+    wanted = np.rint(np.stack([turns, ahead, left, shots], -1)).astype(np.int64).reshape(-1, len(AXES))
+    arrays: list[npt.NDArray[Any]] = [
+        f.reshape(-1, f.shape[-1]) for f in (features[:, early], features[:, late])
+    ]
+    tensors = [torch.from_numpy(a.astype(np.float32)).to(device()) for a in arrays]
+    return tensors[0], tensors[1], torch.from_numpy(wanted).to(device())
