@@ -16,22 +16,24 @@ import torch
 
 from evaps.dsl import Program, UserError, run
 from evaps.files import write_atomically
-from evaps.models import METHODS, PROPOSER, Model, is_repairer, load_model, model_folder
+from evaps.models import Model, load_model, model_folder, needed_for
 from evaps.models.checkpoint import hash_of, read_config
 from evaps.models.compute import precision
 from evaps.robots.base import state_match
 from evaps.robots.frames import frame_match
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import TWO, Workers
-from evaps.synthesis.repair import synthesize_with
+from evaps.synthesis import SPARES, solve
 from evaps.synthesis.solution import Solution
 from evaps.tasks.dataset import SPLITS, Dataset, TaskPart, rows_bytes, table_bytes, task_parts
 from evaps.tasks.files import read_table
 from evaps.tasks.identity import code_version, short_hash
+from evaps.tasks.parts import ROBOT as USUAL_ROBOT
 from evaps.tasks.parts import Files, make_parts
 from evaps.tasks.task import EXAMPLES, GoldTask
 
 PART = 25  # tasks in a part
+ROBOT = replace(USUAL_ROBOT, spares=SPARES)
 
 SCHEMA = pa.schema(
     {
@@ -56,6 +58,7 @@ SCHEMA = pa.schema(
         "rounds": pa.int32(),
         "simulated_actions": pa.int64(),
         "seconds": pa.float32(),
+        "confidence": pa.float32(),  # of verified synthesis in its answer; else null
     }
 )
 
@@ -112,7 +115,7 @@ def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> Files:
         for method in part.facts:
             robot.forget()
             model = _model(part.model, method)
-            solutions[method] = synthesize_with(model, gold.task, robot, part.top_k, part.rounds)
+            solutions[method] = solve(model, gold.task, robot, part.top_k, part.rounds)
         for method, solution in solutions.items():
             rows += _rows(solution, gold, robot, part.facts[method])
     return {part.path: rows_bytes(rows, SCHEMA)}
@@ -130,9 +133,9 @@ def _facts(model: str, method: str, dataset: Dataset) -> dict[str, Any]:
         CheckpointError: a checkpoint is missing.
     """
     folder = model_folder(model)
-    needed = dict.fromkeys(("encoder", PROPOSER if is_repairer(method) else method, method))
+    needed = dict.fromkeys(needed_for(method))
     weights = [hash_of(folder / name) for name in needed]
-    made = read_config(folder / method, method)["facts"]
+    made = read_config(folder / list(needed)[-1], list(needed)[-1])["facts"]
     return {
         "method": method,
         **{key: made.get(key) for key in ("seed", "scale", "commit")},
@@ -158,6 +161,7 @@ def _rows(
             "rounds": len(candidate.attempts) - 1,
             "simulated_actions": solution.simulated_actions,
             "seconds": solution.seconds,
+            "confidence": solution.confidence,
         }
         for candidate in sorted(solution.all_candidates, key=lambda c: c.rank)
     ]
@@ -167,7 +171,7 @@ def evaluate(
     data: Path,
     out: Path,
     model: str = "small",
-    methods: Sequence[str] = ("lgrl", "evaps"),
+    methods: Sequence[str] = ("lgrl", "evaps", "verified"),
     split: str = "test",
     tasks: int = 1000,
     top_k: int = 20,
@@ -180,7 +184,7 @@ def evaluate(
         data: folder of a data set.
         out: the file of rows to write, one for each method, task and rank.
         model: a shipped set of checkpoints, or a folder of them.
-        methods: names in METHODS; a repairer works on LGRL's candidates.
+        methods: names in METHODS, or VERIFIED; a repairer works on LGRL's candidates.
         split: of the data set.
         tasks: how many.
         top_k: candidates of a task.
@@ -192,8 +196,7 @@ def evaluate(
         CheckpointError: the model cannot be loaded.
     """
     for method in methods:
-        if method not in METHODS:
-            raise UserError(f"there is no method {method!r}; known are {', '.join(METHODS)}")
+        needed_for(method)
     dataset = Dataset(data)
     if split not in SPLITS:
         raise UserError(f"there is no split {split!r}; there are {', '.join(SPLITS)}")
@@ -210,7 +213,7 @@ def evaluate(
     def load(part: EvaluationPart) -> EvaluationPart:
         return replace(part, tasks=part.tasks.loaded(dataset))
 
-    paths = make_parts(evaluate_part, parts, workers, "tasks judged", PART, load)
+    paths = make_parts(evaluate_part, parts, workers, "tasks judged", PART, load, ROBOT)
     table = pa.concat_tables([read_table(path) for path in paths]).combine_chunks()
     write_atomically(out, table_bytes(table))
     shutil.rmtree(folder)

@@ -29,7 +29,7 @@ class Evaluate(Command):
     """Parquet file for the rows."""
     model: str = "small"
     """A shipped set of checkpoints, or a folder of them."""
-    methods: tuple[str, ...] = ("lgrl", "evaps")
+    methods: tuple[str, ...] = ("lgrl", "evaps", "verified")
     """Who is judged; evaps repairs the candidates of lgrl."""
     split: str = "test"
     """train, validation or test."""

@@ -16,6 +16,7 @@ from evaps.dsl import UserError
 
 if TYPE_CHECKING:
     from evaps.models import Model
+    from evaps.synthesis import Budget
     from evaps.tasks.task import Task
     from evaps.viewer import TaskReport
 
@@ -26,20 +27,25 @@ SHIPPED_TASKS = Path("examples/tasks")
 class Synthesize(Command):
     """Write programs for tasks: five scenes, and what the robot should see at the end.
 
-    The synthesizer's candidates are run on the five scenes and, with --method evaps, repaired with what the
-    robot saw. Candidates are shown best first; a pair is passed if the last view equals the goal, every byte.
+    Verified synthesis looks for ways to the goals on the engine, and for the shortest program that explains
+    them. Candidates are shown best first; a pair is passed if the last view equals the goal, every byte.
     """
 
     tasks: Positional[tuple[Path, ...]]
     """Task folders."""
-    method: str = "evaps"
-    """evaps repairs the candidates of lgrl; lgrl stands for these candidates alone."""
+    method: str = "verified"
+    """verified; or evaps, the paper's own loop, which repairs the candidates of lgrl; or lgrl, these
+    candidates alone; or another method that was trained."""
     model: str = "small"
     """A shipped set of checkpoints, or a folder of them from `evaps train`."""
     top_k: int = 20
-    """How many candidates are run and repaired."""
+    """How many candidates come back at most; methods other than verified run, and repair, so many."""
     rounds: int = 5
-    """How often a candidate is repaired at most."""
+    """How often a candidate is repaired at most; not for verified."""
+    actions: int = 4_000
+    """How many actions verified synthesis may simulate."""
+    seconds: float = 8.0
+    """How long it may search; it may take a little longer."""
     json: bool = False
     """Print one JSON object a task, a line each."""
     report: File | None = None
@@ -47,7 +53,9 @@ class Synthesize(Command):
 
     def run(self) -> None:
         """Synthesize and show."""
-        check_least(top_k=(self.top_k, 1), rounds=(self.rounds, 0))
+        check_least(top_k=(self.top_k, 1), rounds=(self.rounds, 0), actions=(self.actions, 1))
+        if self.seconds <= 0:
+            raise UserError(f"--seconds must be more than 0, not {self.seconds}")
         if not self.tasks:
             raise UserError("name at least one task folder, such as examples/tasks/*")
         from evaps.models import load_model
@@ -57,8 +65,11 @@ class Synthesize(Command):
         model = load_model(self.model, self.method)
         if self.report is not None:
             check_writable(self.report)
+        from evaps.synthesis import Budget
+
         reports = []
-        for report in solve(loaded, model, self.top_k, self.rounds):
+        budget = Budget(self.actions, self.seconds)
+        for report in solve_all(loaded, model, self.top_k, self.rounds, budget):
             show(report, self.json)
             reports.append(report)
         if self.report is not None:
@@ -82,7 +93,7 @@ class Demo(Command):
             raise UserError(f"there are no tasks in {SHIPPED_TASKS}; run this in the root of a checkout")
         check_writable(self.out)
         reports = []
-        for report in solve([load_task(folder) for folder in folders], load_model(), 20, 5):
+        for report in solve_all([load_task(folder) for folder in folders], load_model()):
             show(report, False)
             reports.append(report)
         solved = sum(report.solution.solved for report in reports)
@@ -90,8 +101,10 @@ class Demo(Command):
         save_page(self.out, reports, quiet=False)
 
 
-def solve(tasks: Sequence[Task], model: Model, top_k: int, rounds: int) -> Iterator[TaskReport]:
-    """Synthesize for each task on one robot.
+def solve_all(
+    tasks: Sequence[Task], model: Model, top_k: int = 20, rounds: int = 5, budget: Budget | None = None
+) -> Iterator[TaskReport]:
+    """Synthesize for each task on the same engines.
 
     On one thread: a second one gains a tenth, and where another program needs its core, torch's threads wait
     for each other and a task takes ten times as long.
@@ -102,17 +115,19 @@ def solve(tasks: Sequence[Task], model: Model, top_k: int, rounds: int) -> Itera
     from evaps.dsl.sampler import PERCEPTION_KEYS
     from evaps.robots.doom import DoomRobot
     from evaps.robots.memo import MemoRobot
-    from evaps.synthesis import synthesize_with
+    from evaps.synthesis import SPARES, Budget, solve
     from evaps.viewer import TaskReport
 
-    robot = DoomRobot()
+    robot, *spares = (DoomRobot() for _ in range(1 + SPARES))
     try:
         for task in tasks:
-            memo = MemoRobot(robot, PERCEPTION_KEYS)  # lives as long as its views: the page shows them
-            yield TaskReport(task, synthesize_with(model, task, memo, top_k, rounds))
+            # it lives as long as its views: the page shows them
+            memo = MemoRobot(robot, PERCEPTION_KEYS, spares=spares)
+            yield TaskReport(task, solve(model, task, memo, top_k, rounds, budget or Budget()))
             memo.leave()
     finally:
-        robot.close()
+        for each in (robot, *spares):
+            each.close()
 
 
 def show(report: TaskReport, as_json: bool) -> None:

@@ -23,8 +23,8 @@ class Train(Command):
     stopped: ClassVar[str] = "stopped; the same command goes on where it last saved, a minute ago at most"
 
     method: Positional[Annotated[str, arg(metavar="encoder|METHOD")]]
-    """What to train: encoder, then inverse (for verified synthesis), lgrl, transformer or latent-execution, then lgrl-rl, sed, evaps, or an
-    ablation of it: naive, evaps-o, evaps-s."""
+    """What to train: encoder; then inverse (for verified synthesis), lgrl, transformer or latent-execution;
+    then lgrl-rl, sed, evaps, or an ablation of it: naive, evaps-o, evaps-s."""
     data: Folder
     """Folder of the data set, from `evaps generate`."""
     out: Folder

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from evaps.dsl import UserError
 from evaps.models.base import Repairer, Synthesizer
 from evaps.models.checkpoint import CheckpointError, fitting, load_weights, read_config
 from evaps.models.encoder import Encoder, EncoderConfig
+from evaps.models.inverse import InverseConfig, InverseModel
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,9 @@ METHODS = {
 }
 """Every method by its name; `naive`, `evaps-o` and `evaps-s` are the paper's ablations of EVAPS."""
 
+VERIFIED = "verified"
+"""Verified synthesis, which is a search and no network of its own: see `evaps.synthesis.verified`."""
+
 PROPOSER = "lgrl"
 """The synthesizer whose candidates repairers learn from and mend."""
 
@@ -50,11 +54,19 @@ SHIPPED = Path(__file__).parents[1] / "checkpoints"
 
 @dataclass(frozen=True)
 class Model:
-    """What synthesis needs: an encoder, a synthesizer, and perhaps a repairer, trained on its features."""
+    """What synthesis needs: an encoder, and what was trained on its features.
+
+    Attributes:
+        encoder: embeds observations.
+        synthesizer: proposes programs.
+        repairer: mends them; None if nobody does.
+        inverse: guides verified synthesis; None for the paper's own loop.
+    """
 
     encoder: Encoder
     synthesizer: Synthesizer
     repairer: Repairer | None
+    inverse: InverseModel | None = None
 
 
 def method_class(name: str) -> type[Synthesizer] | type[Repairer]:
@@ -64,7 +76,7 @@ def method_class(name: str) -> type[Synthesizer] | type[Repairer]:
         UserError: there is no such method.
     """
     if name not in METHODS:
-        raise UserError(f"there is no method {name!r}; known are {', '.join(METHODS)}")
+        raise UserError(f"there is no method {name!r}; known are {', '.join((*METHODS, VERIFIED))}")
     module, _, attribute = METHODS[name].where.partition(":")
     found: type[Synthesizer] | type[Repairer] = getattr(import_module(module), attribute)
     return found
@@ -77,6 +89,17 @@ def is_repairer(name: str) -> bool:
         UserError: there is no such method.
     """
     return issubclass(method_class(name), Repairer)
+
+
+def needed_for(method: str) -> tuple[str, ...]:
+    """The checkpoints that a method's answers depend on; its own comes last.
+
+    Raises:
+        UserError: there is no such method.
+    """
+    if method == VERIFIED:
+        return "encoder", PROPOSER, "inverse"
+    return ("encoder", PROPOSER, method) if is_repairer(method) else ("encoder", method)
 
 
 def new_method(name: str, **config: Any) -> Synthesizer | Repairer:
@@ -130,19 +153,35 @@ def model_folder(name: str | Path) -> Path:
     return folder
 
 
-def load_model(name: str | Path = "small", method: str = "evaps") -> Model:
+def load_inverse(folder: Path) -> InverseModel:
+    """An inverse model from its checkpoint.
+
+    Raises:
+        CheckpointError: there is none, or it is of another version.
+    """
+    config = read_config(folder, "inverse")["config"]
+    with fitting(folder):
+        model = InverseModel(InverseConfig(**{**config, "hidden": tuple(config["hidden"])}))
+    return load_weights(folder, model)
+
+
+def load_model(name: str | Path = "small", method: str = VERIFIED) -> Model:
     """A trained model: one of the shipped sets by its name, or a folder of checkpoints.
 
     Args:
         name: ``"small"``, or a folder that holds ``encoder``, and a folder for each method.
-        method: a synthesizer, which proposes alone, or a repairer, which mends what PROPOSER proposes.
+        method: VERIFIED; or a synthesizer, which proposes alone; or a repairer, which mends what PROPOSER
+            proposes.
 
     Raises:
         UserError: there is no such method.
         CheckpointError: there is no such set, or it does not fit this version.
     """
-    repairs = is_repairer(method)
     folder = model_folder(name)
+    if method == VERIFIED:
+        inverse = load_inverse(folder / "inverse")
+        return replace(load_model(folder, PROPOSER), inverse=inverse)
+    repairs = is_repairer(method)
     synthesizer = load_method(folder / (proposer := PROPOSER if repairs else method), proposer)
     repairer = load_method(folder / method, method) if repairs else None
     assert isinstance(synthesizer, Synthesizer)

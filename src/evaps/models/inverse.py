@@ -92,6 +92,13 @@ class InverseModel(nn.Module):
             after_each.append(total - now[:, axis] + moved)
         return total, torch.stack(after_each, 1)
 
+    @torch.inference_mode()
+    def log_shares(
+        self, before: Float[Tensor, "batch feature"], after: Float[Tensor, "batch feature"]
+    ) -> Float[Tensor, "batch axis count"]:
+        """Logarithms of the probabilities of the counts."""
+        return self(before, after).float().log_softmax(-1)
+
 
 def effect(action: str) -> tuple[int, int]:
     """The axis that an action counts on, and in which direction."""

@@ -38,7 +38,7 @@ class LGRLConfig:
     dropout: float = 0.2
     """On the LSTM's input and output, against overfitting on few tasks (this project's choice)."""
     norm: bool = True
-    """Whether the pairs' embeddings are normalised: as stage 0 leaves them, they are of all sizes up to 100."""
+    """Whether the pairs' embeddings are normalised: stage 0 leaves them of all sizes up to 100."""
 
 
 @dataclass(frozen=True)

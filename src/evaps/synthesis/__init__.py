@@ -6,24 +6,46 @@ from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.models import Model
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
-from evaps.synthesis.repair import synthesize_with
+from evaps.synthesis.repair import ROUNDS, synthesize_with
 from evaps.synthesis.solution import Attempt, Candidate, Solution
-from evaps.tasks.task import Task
+from evaps.synthesis.verified import USUAL_BUDGET, Budget, synthesize_verified
+from evaps.tasks.task import EXAMPLES, Task
 
-__all__ = ["Attempt", "Candidate", "Solution", "synthesize", "synthesize_with"]
+__all__ = ["Attempt", "Budget", "Candidate", "Solution", "solve", "synthesize", "synthesize_with"]
+
+SPARES = EXAMPLES - 1
+"""Engines beside the first one with which synthesis is quickest: one for each scene."""
 
 
-def synthesize(task: Task, model: Model, top_k: int = 20, rounds: int = 5) -> Solution:
-    """Write a program for a task, on a Doom robot of its own.
+def synthesize(
+    task: Task, model: Model, top_k: int = 20, rounds: int = ROUNDS, budget: Budget = USUAL_BUDGET
+) -> Solution:
+    """Write a program for a task, on Doom robots of its own.
 
     Args:
         task: five scenes and what the robot should see at the end.
-        model: from :func:`evaps.load_model`.
-        top_k: how many of the synthesizer's candidates are run and repaired.
+        model: from :func:`evaps.load_model`; its method decides how it is done.
+        top_k: how many candidates come back at most; in the paper's loop they are the synthesizer's first
+            ones, each run and repaired.
         rounds: how often each is repaired at most.
+        budget: what a verified search may cost.
     """
-    robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS)
+    robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS, spares=[DoomRobot() for _ in range(SPARES)])
     try:
-        return synthesize_with(model, task, robot, top_k, rounds)
+        return solve(model, task, robot, top_k, rounds, budget)
     finally:
         robot.close()
+
+
+def solve(
+    model: Model,
+    task: Task,
+    robot: MemoRobot,
+    top_k: int = 20,
+    rounds: int = ROUNDS,
+    budget: Budget = USUAL_BUDGET,
+) -> Solution:
+    """The same on a robot that is there: verified synthesis with an inverse model, else the paper's loop."""
+    if model.inverse is not None:
+        return synthesize_verified(model, task, robot, top_k, budget)
+    return synthesize_with(model, task, robot, top_k, rounds)

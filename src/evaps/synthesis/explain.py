@@ -14,6 +14,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
+from typing import ClassVar
 
 from evaps.dsl import Program
 from evaps.dsl.nodes import Action, Body, Condition, If, IfElse, Not, Repeat, Statement, While
@@ -27,7 +28,7 @@ MOST_TURNS = 24  # of a loop
 
 State = tuple[Node, ...]
 Bodies = dict[State, tuple[int, int, Body]]
-"""For each state that a block may lead to its cheapest body, what it costs, and how many conditions it has."""
+"""For each state that a block may lead to its cheapest body: what it costs, its conditions, and itself."""
 
 
 Scenes = tuple[int, ...]
@@ -128,12 +129,25 @@ class Limits:
         extra: what a program may cost more than the cheapest one.
     """
 
+    action: ClassVar[int] = ACTION
     conditions: int = 2
     body: int = 4 * ACTION
     cost: int = 15 * ACTION
     seconds: float = 2.0
     programs: int = 24
     extra: int = ACTION
+
+
+def cost_of(program: Program) -> int:
+    """About -log2 of how likely a random program is this one."""
+    return sum(map(_cost, program.body))
+
+
+def _cost(statement: Statement) -> int:
+    if isinstance(statement, Action):
+        return ACTION
+    blocks = [*statement.body, *getattr(statement, "orelse", ())]
+    return (LOOP if isinstance(statement, Repeat) else BRANCH) + sum(map(_cost, blocks))
 
 
 class Explainer:
@@ -209,7 +223,7 @@ class Explainer:
                 if state not in found:
                     found[state] = length
                     for action in into[0]:
-                        before = [reverse[action].get(n) for reverse, n in zip(into, state, strict=True)]
+                        before = [reverse[action].get(n, []) for reverse, n in zip(into, state, strict=True)]
                         if all(before):
                             new += list(_product(before))
             level, length = new, length + ACTION

@@ -76,6 +76,8 @@ class Solution:
         seconds: how long it took.
         all_candidates: one for each proposal, in the synthesizer's order, with all attempts: what was tried
             last is what the paper's evaluation judges.
+        confidence: of a verified search: how far other programs that pass all examples agree with the answer
+            on further scenes, from 0 to 1.
     """
 
     task: str
@@ -83,6 +85,7 @@ class Solution:
     simulated_actions: int
     seconds: float
     all_candidates: tuple[Candidate, ...] = ()
+    confidence: float | None = None
 
     @property
     def program(self) -> Program:
@@ -100,10 +103,12 @@ class Solution:
             {"program": str(c.program), "pairs_passed": c.final.pairs_passed, "origin": c.origin}
             for c in self.candidates
         ]
+        confidence = {} if self.confidence is None else {"confidence": round(self.confidence, 3)}
         return {
             "task": self.task,
             "candidates": candidates,
             "solved": self.solved,
+            **confidence,
             "simulated_actions": self.simulated_actions,
             "seconds": round(self.seconds, 3),
         }

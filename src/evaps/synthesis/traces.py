@@ -13,18 +13,24 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from evaps.dsl.sampler import ACTIONS
-from evaps.models.inverse import AXES, InverseModel
+from evaps.models.inverse import AXES, InverseModel, effect
 from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot, Node
+from evaps.synthesis.explain import Graph
 from evaps.synthesis.features import FeatureTable
 from evaps.tasks.task import Example, Task
 
 WEIGHT = 1.5  # of the estimate against what was done already: in a hurry to arrive
 LOOK_AT = 8  # of the most promising actions
 WAY = 0.2  # what an action that leads to a place costs, against one that has not been tried
+NEAR = 0.2  # of two places as near to the goal, the one on a shorter path counts as nearer
 RESET = 4  # actions that take as long as setting up a scene
 AT_ONCE = 2  # actions tried in a scene before the next look at the estimates
 
+LENGTH = 0.3  # what an action of a path counts against the likelihood of its counts
+LEAST = -5.0  # the logarithm of the least probability that is told apart: a way may have been blocked
+LONGEST = 24  # actions in a path
+WAYS = 40  # to the goals of a scene, at most, that others learn from
 MOST_TIMES = 8  # that a part of a path is repeated
 UNDONE = [pair for a, b in AXES if b is not None for pair in ((a, b), (b, a))]
 
@@ -42,7 +48,10 @@ class SceneSearch:
         known: the places that were reached, with how many actions are left from each (estimated).
         goals: places that look like the goal.
         queue: actions that nobody has tried, the most promising first.
-        trials: whole paths to be tried first.
+        counts: for each axis of the inverse model the logarithms of the probabilities of the counts that lead
+            from the start to the goal.
+        trials: whole paths to be tried, those whose counts are the likeliest first.
+        tried: all that ever were among them.
     """
 
     example: Example
@@ -51,7 +60,8 @@ class SceneSearch:
     known: dict[Node, float] = field(default_factory=dict)
     goals: list[Node] = field(default_factory=list)
     queue: list[tuple[float, int, Node, str]] = field(default_factory=list)
-    trials: list[Path] = field(default_factory=list)
+    counts: list[list[float]] = field(default_factory=list)
+    trials: list[tuple[float, int, Path]] = field(default_factory=list)
     tried: set[Path] = field(default_factory=set)
 
     @property
@@ -68,14 +78,33 @@ class TraceSearch:
         robot: remembers what was simulated; eager.
         table: embeddings of observations.
         inverse: estimates what is left.
+        guide: whether its estimates count; else shorter paths are tried first.
+        sharing: whether what has led to the goal in one scene is tried in the others.
     """
 
-    def __init__(self, task: Task, robot: MemoRobot, table: FeatureTable, inverse: InverseModel) -> None:
+    def __init__(
+        self,
+        task: Task,
+        robot: MemoRobot,
+        table: FeatureTable,
+        inverse: InverseModel,
+        guide: bool = True,
+        sharing: bool = True,
+    ) -> None:
         self.robot, self.table, self.inverse = robot, table, inverse
+        self.guide, self.sharing = guide, sharing
         self._order = count()
         self.scenes: list[SceneSearch] = []
         self.scenes += [self._begin(example) for example in task.examples]
         self._arrive([(scene, [scene.root]) for scene in self.scenes])
+        roots = table.rows(scene.root.view for scene in self.scenes)
+        goals = table.rows(scene.example.goal for scene in self.scenes)
+        shares = inverse.log_shares(table.table[roots], table.table[goals])
+        for scene, rows in zip(self.scenes, shares.tolist(), strict=True):
+            scene.counts = rows
+        for scene in self.scenes:  # what was reached at once
+            for node in scene.goals:
+                self._share(node.actions)
 
     @property
     def complete(self) -> bool:
@@ -105,7 +134,7 @@ class TraceSearch:
         self.robot.reset(scene.example.scene)
         for _ in range(AT_ONCE):
             if scene.trials:
-                yield from self._follow(scene, scene.trials.pop(0))
+                yield from self._follow(scene, heapq.heappop(scene.trials)[2])
         if scene.goals and slack is None:
             return
         for _ in range(AT_ONCE):
@@ -117,7 +146,7 @@ class TraceSearch:
             yield node.children[action]
 
     def _next(self, scene: SceneSearch, slack: float | None) -> tuple[Node, str] | None:
-        """What to try next: the most promising, unless something nearly as good is nearer to where the robot is."""
+        """What to try next: the most promising, or something nearly as good nearer to where the robot is."""
         most = scene.steps + slack if slack is not None else 1_000.0
         best: list[tuple[float, int, Node, str]] = []
         while scene.queue and len(best) < LOOK_AT:
@@ -162,29 +191,65 @@ class TraceSearch:
             scene.known[node] = now
             done = len(node.actions) + 1
             for action, rest in zip(ACTIONS, each, strict=True):
-                entry = (done + WEIGHT * rest, next(self._order), node, action)
+                entry = (done + (WEIGHT * rest if self.guide else 0.0), next(self._order), node, action)
                 heapq.heappush(scene.queue, entry)
 
     def _found(self, scene: SceneSearch, node: Node) -> None:
-        """Try the same in the other scenes; even where the goal was reached, it may be reached like that, too."""
+        """Try the same in the other scenes; where the goal was reached, it may be reached like that, too."""
         scene.goals.append(node)
-        for other in self.scenes:
-            self._suggest(other, node.actions)
+        if scene.counts:
+            self._share(node.actions)
+
+    def _share(self, path: Path) -> None:
+        if self.sharing:
+            for scene in self.scenes:
+                self._suggest(scene, path)
+
+    def visit(self, paths: Sequence[Path]) -> None:
+        """Take along the places on a path in each scene, which was walked before."""
+        reached = []
+        for scene, path in zip(self.scenes, paths, strict=True):
+            self.robot.reset(scene.example.scene)
+            reached.append((scene, [scene.root, *self._follow(scene, path)]))
+        self._arrive(reached)
 
     def _suggest(self, scene: SceneSearch, path: Path) -> None:
-        if path and path not in scene.tried:
+        if path and len(path) <= LONGEST and path not in scene.tried:
             scene.tried.add(path)
-            scene.trials.append(path)
+            entry = (self._strangeness(scene, path), next(self._order), path)
+            heapq.heappush(scene.trials, entry)
+
+    def _strangeness(self, scene: SceneSearch, path: Path) -> float:
+        """How unlikely it is that so many actions of each kind lead from the start to the goal."""
+        if not self.guide:
+            return float(len(path))
+        counts = [0] * len(AXES)
+        for action in path:
+            axis, step = effect(action)
+            counts[axis] += step
+        middle = len(scene.counts[0]) // 2
+        shares = (
+            row[max(0, min(2 * middle, middle + n))] for row, n in zip(scene.counts, counts, strict=True)
+        )
+        return LENGTH * len(path) - sum(max(LEAST, share) for share in shares)
 
     def suggest_around(self, places: int, changes: Callable[[Path], Iterator[Path]]) -> None:
         """Where no goal was reached, try what is like that which has led close to it."""
         for scene in self.scenes:
             if not scene.goals:
-                nearest = heapq.nsmallest(
-                    places, scene.known, key=lambda n: scene.known[n] + 0.2 * len(n.actions)
-                )
-                for node in nearest:
+                near = {n: left + NEAR * len(n.actions) for n, left in scene.known.items()}
+                for node in heapq.nsmallest(places, near, key=near.__getitem__):
                     for changed in changes(node.actions):
+                        self._suggest(scene, changed)
+
+    def suggest_ways(self, changes: Callable[[Path], Iterator[Path]]) -> None:
+        """The same as :meth:`suggest` for all known ways to the goals, not only the shortest ones."""
+        ways = {way for scene in self.scenes if scene.goals for way in goal_paths(scene)}
+        for scene in self.scenes:
+            if not scene.goals:
+                for path in ways:
+                    self._suggest(scene, path)
+                    for changed in changes(path):
                         self._suggest(scene, changed)
 
     def suggest(self, changes: Callable[[Path], Iterator[Path]]) -> None:
@@ -223,3 +288,19 @@ def with_loop(path: Path) -> Iterator[Path]:
             part = path[start : start + length]
             for times in range(2, MOST_TIMES + 1):
                 yield (*path[:start], *(part * times), *path[start + length :])
+
+
+def goal_paths(scene: SceneSearch, longer: int = 1) -> list[Path]:
+    """Known ways to a scene's goals that are at most so much longer than the shortest one; the first few."""
+    most = scene.steps + longer
+    found: list[Path] = []
+    graph = Graph.of(scene.root, scene.goals, longer)
+    stack: list[tuple[Node, Path]] = [(scene.root, ())]
+    while stack and len(found) < WAYS:
+        node, path = stack.pop()
+        if node in graph.goals:
+            found.append(path)
+        for action, child in graph.ways.get(node, {}).items():
+            if len(path) + 1 + graph.distance[child] <= most:
+                stack.append((child, (*path, action)))
+    return found

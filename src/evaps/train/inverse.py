@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -105,8 +104,6 @@ def pairs_of(
     ahead = x * np.cos(heading) + y * np.sin(heading)
     left = y * np.cos(heading) - x * np.sin(heading)
     wanted = np.rint(np.stack([turns, ahead, left, shots], -1)).astype(np.int64).reshape(-1, len(AXES))
-    arrays: list[npt.NDArray[Any]] = [
-        f.reshape(-1, f.shape[-1]) for f in (features[:, early], features[:, late])
-    ]
-    tensors = [torch.from_numpy(a.astype(np.float32)).to(device()) for a in arrays]
+    seen = [features[:, times].reshape(-1, features.shape[-1]) for times in (early, late)]
+    tensors = [torch.from_numpy(rows.astype(np.float32)).to(device()) for rows in seen]
     return tensors[0], tensors[1], torch.from_numpy(wanted).to(device())

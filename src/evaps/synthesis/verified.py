@@ -1,0 +1,227 @@
+"""Verified synthesis: one answer, found by running what it might be and kept because it works.
+
+1. Traces: in the memoised tree of each scene, find action sequences that reach the goal, guided by the
+   inverse model (`evaps.synthesis.traces`).
+2. Programs: find the shortest programs that explain all traces (`evaps.synthesis.explain`). Where there is
+   none, look at more of the trees, and try again.
+3. The answer: of the programs that pass all pairs the cheapest, in the sense of what random programs look
+   like. On further random scenes the others agree with it, or not: that is the confidence in it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from evaps.dsl import Program
+from evaps.models import Model
+from evaps.robots.base import Scene
+from evaps.robots.memo import MemoRobot
+from evaps.robots.scenes import random_scene
+from evaps.robots.together import run_together
+from evaps.synthesis.explain import Explainer, Graph, Limits, cost_of
+from evaps.synthesis.features import FeatureTable
+from evaps.synthesis.repair import propose
+from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt_all
+from evaps.synthesis.traces import TraceSearch, one_edit_away, with_detour, with_loop
+from evaps.tasks.task import Task
+
+ORIGIN = "verified"
+FIRST_LOOK = 4  # rounds of looking around before programs are looked for
+MORE_LOOKS = 4  # times that it is looked around twice as long, if there is no program yet
+LARGER_BLOCKS = 6  # actions in a block, when programs with smaller ones explain nothing
+PROBES = 4  # further scenes on which programs are compared
+PROBED = 20  # programs that are
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a search may cost; it ends soon after either is spent.
+
+    Attributes:
+        actions: that the robot executes.
+        seconds: on the clock.
+    """
+
+    actions: int = 4_000
+    seconds: float = 8.0
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Parts of the search, each of which can be left out to see what it is worth.
+
+    Attributes:
+        guide: the inverse model; without it shorter paths are tried first.
+        sharing: what has led to a goal is tried in other scenes, and what is like it.
+        beam: where nothing is found for long, the synthesizer's candidates are tried.
+    """
+
+    guide: bool = True
+    sharing: bool = True
+    beam: bool = True
+
+
+USUAL_BUDGET, ALL_PARTS = Budget(), Parts()
+
+
+def synthesize_verified(
+    model: Model,
+    task: Task,
+    robot: MemoRobot,
+    top_k: int = 20,
+    budget: Budget = USUAL_BUDGET,
+    parts: Parts = ALL_PARTS,
+    seed: int = 0,
+) -> Solution:
+    """Search for programs that pass all pairs; if none is found, those that pass most.
+
+    Args:
+        model: with an inverse model.
+        task: the specification.
+        robot: remembers what was simulated; eager.
+        top_k: how many candidates come back at most; no two of them do the same on all scenes that were run.
+        budget: what it may cost.
+        parts: what is left out.
+        seed: of the further scenes.
+    """
+    return _Search(model, task, robot, budget, parts).solution(top_k, seed)
+
+
+class _Search:
+    def __init__(self, model: Model, task: Task, robot: MemoRobot, budget: Budget, parts: Parts) -> None:
+        assert model.inverse is not None
+        self.model, self.task, self.robot, self.budget, self.parts = model, task, robot, budget, parts
+        self._start, self._simulated = time.perf_counter(), robot.simulated_actions
+        self.table = FeatureTable(model.encoder)
+        self.traces = TraceSearch(task, robot, self.table, model.inverse, parts.guide, parts.sharing)
+        self.proposals: list[Program] = []
+
+    @property
+    def spent(self) -> int:
+        """Actions that were executed."""
+        return self.robot.simulated_actions - self._simulated
+
+    @property
+    def over(self) -> bool:
+        """Whether the budget is spent."""
+        late = time.perf_counter() - self._start > self.budget.seconds
+        return late or self.spent >= self.budget.actions
+
+    def solution(self, top_k: int, seed: int) -> Solution:
+        """Search, choose, and say what it has cost."""
+        self.reach_goals()
+        programs = self.explain() or self.explain_some()
+        attempts = attempt_all(programs, self.task, self.robot)
+        attempts.sort(key=lambda a: (-a.pairs_passed, cost_of(a.program)))
+        kept, confidence = self.choose(attempts[:PROBED], top_k, seed)
+        candidates = tuple(Candidate((a,), rank, ORIGIN) for rank, a in enumerate(kept))
+        seconds = time.perf_counter() - self._start
+        return Solution(self.task.name, candidates, self.spent, seconds, candidates, confidence)
+
+    def reach_goals(self) -> None:
+        """Find a way to the goal in every scene."""
+        plans = self._plans()
+        plan = next(plans)
+        while not self.traces.complete and not self.over:
+            if self.spent >= plan[0]:
+                plan[1]()
+                plan = next(plans)
+            if not self.traces.step():
+                return
+
+    def _plans(self) -> Iterator[tuple[float, Callable[[], None]]]:
+        """What else to try when so many actions are spent, the likeliest help first."""
+        traces = self.traces
+        if self.parts.sharing:
+            yield 100, lambda: traces.suggest(one_edit_away)
+            yield 200, lambda: traces.suggest(with_loop)
+            yield 400, self.learn_from_all_ways
+            yield 600, lambda: traces.suggest_around(3, with_detour)
+        if self.parts.beam:
+            yield 1_000, self.try_beam
+        if self.parts.sharing:
+            yield 1_200, lambda: traces.suggest(with_detour)
+            yield 1_500, self.learn_from_all_ways
+            yield 2_000, lambda: traces.suggest_around(6, with_detour)
+            yield 2_500, lambda: traces.suggest_around(6, one_edit_away)
+        yield float("inf"), lambda: None
+
+    def learn_from_all_ways(self) -> None:
+        """Where the goal is reached in several orders, one of them may be what also works elsewhere."""
+        for _ in range(FIRST_LOOK):
+            self.traces.step(slack=0)
+        self.traces.suggest_ways(one_edit_away)
+
+    def try_beam(self) -> None:
+        """Where the synthesizer's candidates lead."""
+        self.proposals = [p.program for p in propose(self.model, self.table, self.task, self.robot)]
+        for attempt in attempt_all(self.proposals, self.task, self.robot):
+            self.traces.visit([trace.actions for trace in attempt.traces])
+
+    def explain(self) -> list[Program]:
+        """The programs that pass all pairs; none, if a goal was not reached, or nothing explains it all."""
+        limits = Limits()
+        for look in range(MORE_LOOKS + 1):
+            if not self.traces.complete:
+                return []
+            for _ in range(FIRST_LOOK << look):
+                self.traces.step(slack=1)
+            explainer = self._explainer(range(len(self.traces.scenes)), limits)
+            if programs := explainer.programs():
+                return list(dict.fromkeys([*programs, *(v for p in programs for v in explainer.variants(p))]))
+            if self.over:
+                break
+            if look:
+                limits = replace(limits, body=LARGER_BLOCKS * limits.action)
+        return []
+
+    def explain_some(self) -> list[Program]:
+        """Programs for the scenes where the goal was reached, and what the synthesizer proposed."""
+        reached = [i for i, scene in enumerate(self.traces.scenes) if scene.goals]
+        programs = self._explainer(reached, Limits(seconds=1.0)).programs() if reached else []
+        if not self.proposals:
+            self.proposals = [p.program for p in propose(self.model, self.table, self.task, self.robot)]
+        return list(dict.fromkeys([*programs, *self.proposals]))
+
+    def _explainer(self, scenes: range | list[int], limits: Limits) -> Explainer:
+        chosen = [self.traces.scenes[i] for i in scenes]
+        return Explainer([Graph.of(scene.root, scene.goals) for scene in chosen], limits)
+
+    def choose(self, attempts: list[Attempt], top_k: int, seed: int) -> tuple[list[Attempt], float]:
+        """The attempts that differ in what they do, and how far the solved ones agree with the first.
+
+        Each program counts as much as a random program is likely to be it; programs agree if they end alike
+        on a further random scene. Nobody is asked what is right there.
+        """
+        solved = [a for a in attempts if a.solved]
+        if not solved:
+            return attempts[:top_k], 0.0
+        rng = np.random.default_rng(seed)
+        scenes = [random_scene(rng) for _ in range(PROBES)] if len(attempts) > 1 else []
+        ends = self._ends([a.program for a in attempts], scenes)
+        did = [(tuple(t.actions for t in a.traces), end) for a, end in zip(attempts, ends, strict=True)]
+        kept = list(dict(reversed(list(zip(did, attempts, strict=True)))).values())[::-1]
+        weights = np.array([2.0 ** -cost_of(a.program) for a in solved])
+        alike = [
+            float(np.mean([x == y for x, y in zip(end, ends[0], strict=True)] or [True])) for end in ends
+        ]
+        confidence = float(np.average(alike[: len(solved)], weights=weights))
+        return kept[:top_k], confidence
+
+    def _ends(self, programs: list[Program], scenes: list[Scene]) -> list[tuple[object, ...]]:
+        """What the robot sees at the end of each program on each scene; None if it does not halt."""
+        by_scene = [run_together(programs, scene, self.robot) for scene in scenes]
+        ends: list[list[object]] = [[] for _ in programs]
+        for traces in by_scene:
+            for end, trace in zip(ends, traces, strict=True):
+                end.append(trace.observations[-1].digest if trace.halted else None)  # type: ignore[attr-defined]
+        return [tuple(end) for end in ends]
+
+
+def _share_equal(one: tuple[object, ...], other: tuple[object, ...]) -> float:
+    same = [a == b for a, b in zip(one, other, strict=True)]
+    return sum(same) / len(same) if same else 1.0
