@@ -27,12 +27,18 @@ def answers(rows: Path, method: str) -> dict[int, bool]:
 
     This is the answer that a user gets: a method may compare what it ran with the goals, byte for byte.
     """
-    table = pq.read_table(rows, filters=[("method", "=", method)])
-    best: dict[int, tuple[int, int, bool]] = {}
-    for row in table.select(["task", "rank", "pairs_passed", "generalization_state"]).to_pylist():
-        key = (row["pairs_passed"], -row["rank"], row["generalization_state"])
-        best[row["task"]] = max(best.get(row["task"], key), key)
-    return {task: generalizes for task, (_, _, generalizes) in best.items()}
+    return {task: row["generalization_state"] for task, row in answer_rows(rows, method).items()}
+
+
+def answer_rows(rows: Path, method: str) -> dict[int, dict[str, Any]]:
+    """For each task the row of the candidate that passes most pairs, of these the first."""
+    best: dict[int, dict[str, Any]] = {}
+    for row in pq.read_table(rows, filters=[("method", "=", method)]).to_pylist():
+        key = (row["pairs_passed"], -row["rank"])
+        old = best.get(row["task"])
+        if old is None or key > (old["pairs_passed"], -old["rank"]):
+            best[row["task"]] = row
+    return best
 
 
 def summarize(rows: Path) -> list[dict[str, Any]]:

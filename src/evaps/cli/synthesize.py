@@ -42,7 +42,7 @@ class Synthesize(Command):
     """How many candidates come back at most; methods other than verified run, and repair, so many."""
     rounds: int = 5
     """How often a candidate is repaired at most; not for verified."""
-    actions: int = 4_000
+    actions: int = 3_500
     """How many actions verified synthesis may simulate."""
     seconds: float = 8.0
     """How long it may search; it may take a little longer."""

@@ -43,11 +43,21 @@ METHODS = {
 }
 """Every method by its name; `naive`, `evaps-o` and `evaps-s` are the paper's ablations of EVAPS."""
 
-VERIFIED = "verified"
-"""Verified synthesis, which is a search and no network of its own: see `evaps.synthesis.verified`."""
-
 PROPOSER = "lgrl"
 """The synthesizer whose candidates repairers learn from and mend."""
+
+VERIFIED = "verified"
+SEARCHES: dict[str, tuple[str, ...]] = {
+    VERIFIED: ("encoder", PROPOSER, "inverse"),
+    "verified-no-guide": ("encoder", PROPOSER, "inverse"),
+    "verified-no-sharing": ("encoder", PROPOSER, "inverse"),
+    "verified-no-beam": ("encoder", PROPOSER, "inverse"),
+    "blind": ("encoder", PROPOSER),
+}
+"""Searches, which are no networks of their own, and the checkpoints that they use: see `evaps.synthesis`.
+
+``verified``, the same without one of its parts, and ``blind``, which draws programs and learns nothing.
+"""
 
 SHIPPED = Path(__file__).parents[1] / "checkpoints"
 
@@ -60,13 +70,15 @@ class Model:
         encoder: embeds observations.
         synthesizer: proposes programs.
         repairer: mends them; None if nobody does.
-        inverse: guides verified synthesis; None for the paper's own loop.
+        inverse: guides verified synthesis.
+        search: a name in SEARCHES; None for the paper's own loop.
     """
 
     encoder: Encoder
     synthesizer: Synthesizer
     repairer: Repairer | None
     inverse: InverseModel | None = None
+    search: str | None = None
 
 
 def method_class(name: str) -> type[Synthesizer] | type[Repairer]:
@@ -76,7 +88,7 @@ def method_class(name: str) -> type[Synthesizer] | type[Repairer]:
         UserError: there is no such method.
     """
     if name not in METHODS:
-        raise UserError(f"there is no method {name!r}; known are {', '.join((*METHODS, VERIFIED))}")
+        raise UserError(f"there is no method {name!r}; known are {', '.join((*METHODS, *SEARCHES))}")
     module, _, attribute = METHODS[name].where.partition(":")
     found: type[Synthesizer] | type[Repairer] = getattr(import_module(module), attribute)
     return found
@@ -97,8 +109,8 @@ def needed_for(method: str) -> tuple[str, ...]:
     Raises:
         UserError: there is no such method.
     """
-    if method == VERIFIED:
-        return "encoder", PROPOSER, "inverse"
+    if method in SEARCHES:
+        return SEARCHES[method]
     return ("encoder", PROPOSER, method) if is_repairer(method) else ("encoder", method)
 
 
@@ -170,17 +182,17 @@ def load_model(name: str | Path = "small", method: str = VERIFIED) -> Model:
 
     Args:
         name: ``"small"``, or a folder that holds ``encoder``, and a folder for each method.
-        method: VERIFIED; or a synthesizer, which proposes alone; or a repairer, which mends what PROPOSER
-            proposes.
+        method: a name in SEARCHES; or a synthesizer, which proposes alone; or a repairer, which mends what
+            PROPOSER proposes.
 
     Raises:
         UserError: there is no such method.
         CheckpointError: there is no such set, or it does not fit this version.
     """
     folder = model_folder(name)
-    if method == VERIFIED:
-        inverse = load_inverse(folder / "inverse")
-        return replace(load_model(folder, PROPOSER), inverse=inverse)
+    if method in SEARCHES:
+        inverse = load_inverse(folder / "inverse") if "inverse" in SEARCHES[method] else None
+        return replace(load_model(folder, PROPOSER), inverse=inverse, search=method)
     repairs = is_repairer(method)
     synthesizer = load_method(folder / (proposer := PROPOSER if repairs else method), proposer)
     repairer = load_method(folder / method, method) if repairs else None

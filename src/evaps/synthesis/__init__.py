@@ -6,13 +6,20 @@ from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.models import Model
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
+from evaps.synthesis.blind import synthesize_blindly
 from evaps.synthesis.repair import ROUNDS, synthesize_with
 from evaps.synthesis.solution import Attempt, Candidate, Solution
-from evaps.synthesis.verified import USUAL_BUDGET, Budget, synthesize_verified
+from evaps.synthesis.verified import ALL_PARTS, USUAL_BUDGET, Budget, Parts, synthesize_verified
 from evaps.tasks.task import EXAMPLES, Task
 
 __all__ = ["Attempt", "Budget", "Candidate", "Solution", "solve", "synthesize", "synthesize_with"]
 
+PARTS = {
+    "verified": ALL_PARTS,
+    "verified-no-guide": Parts(guide=False),
+    "verified-no-sharing": Parts(sharing=False),
+    "verified-no-beam": Parts(beam=False),
+}
 SPARES = EXAMPLES - 1
 """Engines beside the first one with which synthesis is quickest: one for each scene."""
 
@@ -45,7 +52,9 @@ def solve(
     rounds: int = ROUNDS,
     budget: Budget = USUAL_BUDGET,
 ) -> Solution:
-    """The same on a robot that is there: verified synthesis with an inverse model, else the paper's loop."""
-    if model.inverse is not None:
-        return synthesize_verified(model, task, robot, top_k, budget)
-    return synthesize_with(model, task, robot, top_k, rounds)
+    """The same on a robot that is there."""
+    if model.search is None:
+        return synthesize_with(model, task, robot, top_k, rounds)
+    if model.search == "blind":
+        return synthesize_blindly(task, robot, budget)
+    return synthesize_verified(model, task, robot, top_k, budget, PARTS[model.search])

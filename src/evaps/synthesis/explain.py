@@ -9,7 +9,6 @@ goals by whole statements: actions; branches on a perception that some scenes sh
 from __future__ import annotations
 
 import heapq
-import time
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -124,7 +123,7 @@ class Limits:
         conditions: in a program at most.
         body: cost of a block at most.
         cost: of a program at most.
-        seconds: after which it ends.
+        work: statements that are tried, nested ones included.
         programs: that it looks for.
         extra: what a program may cost more than the cheapest one.
     """
@@ -133,7 +132,7 @@ class Limits:
     conditions: int = 2
     body: int = 4 * ACTION
     cost: int = 15 * ACTION
-    seconds: float = 2.0
+    work: int = 400_000
     programs: int = 24
     extra: int = ACTION
 
@@ -160,7 +159,7 @@ class Explainer:
 
     def __init__(self, graphs: Sequence[Graph], limits: Limits) -> None:
         self.graphs, self.limits = graphs, limits
-        self._until = time.monotonic() + limits.seconds
+        self._work = limits.work
         self._blocks: dict[tuple[State, tuple[int, ...], int, int, int], Bodies] = {}
         self._true: dict[Node, frozenset[str]] = {}
 
@@ -179,7 +178,7 @@ class Explainer:
         visits: dict[tuple[State, int], int] = defaultdict(int)
         found: dict[Program, int] = {}
         most = self.limits.cost
-        while queue and len(found) < self.limits.programs and time.monotonic() < self._until:
+        while queue and len(found) < self.limits.programs and self._work > 0:
             estimate, _, cost, state, left, body = heapq.heappop(queue)
             if estimate > most:
                 break
@@ -192,6 +191,7 @@ class Explainer:
                 continue
             visits[state, left] += 1
             for more, used, statement, after in self._statements(state, everywhere, most - cost, left, 0):
+                self._work -= 1
                 ahead = cost + more + self._ahead(after, suffixes)
                 if ahead <= most and (left > used or after in suffixes):
                     entry = (ahead, next(order), cost + more, after, left - used, (*body, statement))
@@ -326,7 +326,7 @@ class Explainer:
         order = count()
         queue: list[tuple[int, int, State, int, Body]] = [(0, next(order), state, left, ())]
         done: set[State] = set()
-        while queue and time.monotonic() < self._until:
+        while queue and self._work > 0:
             cost, _, current, rest, body = heapq.heappop(queue)
             if current in done:
                 continue
@@ -334,6 +334,7 @@ class Explainer:
             if body:
                 found.setdefault(current, (cost, left - rest, body))
             for more, used, statement, after in self._statements(current, scenes, budget - cost, rest, depth):
+                self._work -= 1
                 if cost + more <= budget and after not in done:
                     entry = (cost + more, next(order), after, rest - used, (*body, statement))
                     heapq.heappush(queue, entry)

@@ -8,7 +8,7 @@ what has led to the goal in one of them is tried in the others: a program does o
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
@@ -205,13 +205,10 @@ class TraceSearch:
             for scene in self.scenes:
                 self._suggest(scene, path)
 
-    def visit(self, paths: Sequence[Path]) -> None:
-        """Take along the places on a path in each scene, which was walked before."""
-        reached = []
-        for scene, path in zip(self.scenes, paths, strict=True):
-            self.robot.reset(scene.example.scene)
-            reached.append((scene, [scene.root, *self._follow(scene, path)]))
-        self._arrive(reached)
+    def visit(self, scene: SceneSearch, paths: Iterable[Path]) -> None:
+        """Take along the places on these paths, which were walked before."""
+        self.robot.reset(scene.example.scene)
+        self._arrive([(scene, [node for path in paths for node in self._follow(scene, path)])])
 
     def _suggest(self, scene: SceneSearch, path: Path) -> None:
         if path and len(path) <= LONGEST and path not in scene.tried:

@@ -33,6 +33,7 @@ ORIGIN = "verified"
 FIRST_LOOK = 4  # rounds of looking around before programs are looked for
 MORE_LOOKS = 4  # times that it is looked around twice as long, if there is no program yet
 LARGER_BLOCKS = 6  # actions in a block, when programs with smaller ones explain nothing
+PARTIAL = Limits(work=100_000, programs=100, extra=8)  # for programs that explain some of the scenes
 PROBES = 4  # further scenes on which programs are compared
 PROBED = 20  # programs that are
 
@@ -46,7 +47,7 @@ class Budget:
         seconds: on the clock.
     """
 
-    actions: int = 4_000
+    actions: int = 3_500
     seconds: float = 8.0
 
 
@@ -140,14 +141,17 @@ class _Search:
             yield 100, lambda: traces.suggest(one_edit_away)
             yield 200, lambda: traces.suggest(with_loop)
             yield 400, self.learn_from_all_ways
+            yield 500, self.try_explanations
             yield 600, lambda: traces.suggest_around(3, with_detour)
         if self.parts.beam:
             yield 1_000, self.try_beam
         if self.parts.sharing:
             yield 1_200, lambda: traces.suggest(with_detour)
+            yield 1_400, self.try_explanations
             yield 1_500, self.learn_from_all_ways
-            yield 2_000, lambda: traces.suggest_around(6, with_detour)
-            yield 2_500, lambda: traces.suggest_around(6, one_edit_away)
+            yield 2_000, lambda: traces.suggest_around(8, with_detour)
+            yield 2_500, self.try_explanations
+            yield 2_600, lambda: traces.suggest_around(8, one_edit_away)
         yield float("inf"), lambda: None
 
     def learn_from_all_ways(self) -> None:
@@ -159,8 +163,19 @@ class _Search:
     def try_beam(self) -> None:
         """Where the synthesizer's candidates lead."""
         self.proposals = [p.program for p in propose(self.model, self.table, self.task, self.robot)]
-        for attempt in attempt_all(self.proposals, self.task, self.robot):
-            self.traces.visit([trace.actions for trace in attempt.traces])
+        self._try(self.proposals)
+
+    def try_explanations(self) -> None:
+        """Where programs lead that explain the scenes in which the goal was reached."""
+        reached = [i for i, scene in enumerate(self.traces.scenes) if scene.goals]
+        if len(reached) > 1:
+            self._try(self._explainer(reached, PARTIAL).programs())
+
+    def _try(self, programs: list[Program]) -> None:
+        for scene in self.traces.scenes:
+            if not scene.goals:
+                traces = run_together(programs, scene.example.scene, self.robot)
+                self.traces.visit(scene, (trace.actions for trace in traces))
 
     def explain(self) -> list[Program]:
         """The programs that pass all pairs; none, if a goal was not reached, or nothing explains it all."""
@@ -182,8 +197,8 @@ class _Search:
     def explain_some(self) -> list[Program]:
         """Programs for the scenes where the goal was reached, and what the synthesizer proposed."""
         reached = [i for i, scene in enumerate(self.traces.scenes) if scene.goals]
-        programs = self._explainer(reached, Limits(seconds=1.0)).programs() if reached else []
-        if not self.proposals:
+        programs = self._explainer(reached, Limits(work=200_000)).programs() if reached else []
+        if not self.proposals and (self.parts.beam or not programs):
             self.proposals = [p.program for p in propose(self.model, self.table, self.task, self.robot)]
         return list(dict.fromkeys([*programs, *self.proposals]))
 

@@ -1,0 +1,64 @@
+"""The symbolic baseline: programs drawn blindly from the prior, run until one passes all pairs.
+
+It learns nothing and looks at nothing but whether the last view equals the goal. What was simulated once is
+free for it, too, and a program that fails in one scene is not run in the others.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from evaps.dsl import Program
+from evaps.dsl.sampler import sample_program
+from evaps.robots.frames import digest
+from evaps.robots.memo import MemoRobot
+from evaps.robots.together import run_together
+from evaps.synthesis.solution import Candidate, Solution, attempt_all
+from evaps.synthesis.verified import USUAL_BUDGET, Budget
+from evaps.tasks.task import Task
+
+DRAWN_TOGETHER = 50  # programs
+
+
+def synthesize_blindly(
+    task: Task, robot: MemoRobot, budget: Budget = USUAL_BUDGET, seed: int = 0
+) -> Solution:
+    """Draw programs until one passes all pairs or the budget is spent; else the one that got furthest.
+
+    Args:
+        task: the specification.
+        robot: where programs run.
+        budget: what it may cost.
+        seed: of the programs.
+    """
+    start, simulated = time.perf_counter(), robot.simulated_actions
+    rng = np.random.default_rng(seed)
+    best: tuple[int, Program] | None = None
+    while best is None or best[0] < len(task.examples):
+        if time.perf_counter() - start > budget.seconds:
+            break
+        if robot.simulated_actions - simulated >= budget.actions:
+            break
+        for passed, program in _furthest([sample_program(rng) for _ in range(DRAWN_TOGETHER)], task, robot):
+            if best is None or passed > best[0]:
+                best = passed, program
+    programs = [best[1]] if best else []
+    candidates = tuple(Candidate((a,), 0, "blind") for a in attempt_all(programs, task, robot))
+    spent = robot.simulated_actions - simulated
+    return Solution(task.name, candidates, spent, time.perf_counter() - start, candidates)
+
+
+def _furthest(programs: list[Program], task: Task, robot: MemoRobot) -> list[tuple[int, Program]]:
+    """For each program how many examples it passes in turn before it fails in one."""
+    passed = dict.fromkeys(programs, 0)
+    left = list(passed)
+    for example in task.examples:
+        goal = digest(example.goal)
+        traces = run_together(left, example.scene, robot)
+        ends = zip(left, traces, strict=True)
+        left = [p for p, t in ends if t.halted and digest(t.observations[-1]) == goal]
+        for program in left:
+            passed[program] += 1
+    return [(count, program) for program, count in passed.items()]

@@ -1,0 +1,71 @@
+"""Paths that are like others, and how the inverse model counts."""
+
+import numpy as np
+import pytest
+import torch
+
+from evaps.dsl.sampler import ACTIONS
+from evaps.models.inverse import AXES, InverseConfig, InverseModel, effect
+from evaps.synthesis.traces import one_edit_away, with_detour, with_loop
+
+PATH = ("MOVE_LEFT", "ATTACK")
+
+
+def test_one_edit_away() -> None:
+    edited = set(one_edit_away(PATH)) - {PATH}
+    assert ("MOVE_LEFT",) in edited
+    assert ("ATTACK", "ATTACK") in edited
+    assert ("MOVE_LEFT", "TURN_LEFT", "ATTACK") in edited
+    assert {len(path) for path in edited} == {1, 2, 3}
+    assert len(edited) == 2 + 2 * 6 + 3 * 7 - 2  # two insertions next to an equal action come twice
+
+
+def test_a_detour_is_undone_later() -> None:
+    detours = set(with_detour(PATH))
+    assert ("MOVE_FORWARD", "MOVE_LEFT", "MOVE_BACKWARD", "ATTACK") in detours
+    assert ("TURN_RIGHT", "TURN_LEFT", *PATH) in detours
+    assert all(len(path) == 4 for path in detours)
+
+
+def test_a_part_is_repeated() -> None:
+    looped = set(with_loop(PATH))
+    assert ("MOVE_LEFT", "MOVE_LEFT", "ATTACK") in looped
+    assert PATH * 3 in looped
+    assert ("MOVE_LEFT", *["ATTACK"] * 8) in looped
+
+
+def test_every_action_counts_on_an_axis() -> None:
+    assert sorted(effect(a) for a in ACTIONS) == [(0, -1), (0, 1), (1, -1), (1, 1), (2, -1), (2, 1), (3, 1)]
+    with pytest.raises(KeyError):
+        effect("JUMP")
+
+
+def test_what_is_left_is_an_expectation() -> None:
+    torch.manual_seed(0)
+    model = InverseModel(InverseConfig(feature=8, hidden=(16, 16), most=2)).eval()
+    before, after = torch.randn(3, 8), torch.randn(3, 8)
+    shares = model(before, after).softmax(-1).detach().numpy()
+    counts = np.arange(-2, 3)
+    left, after_each = model.left(before, after, ACTIONS)
+    np.testing.assert_allclose(left.numpy(), (shares * abs(counts)).sum((1, 2)), rtol=1e-5)
+    for column, action in enumerate(ACTIONS):
+        axis, step = effect(action)
+        moved = shares * abs(counts - step * np.eye(len(AXES))[axis][:, None])
+        np.testing.assert_allclose(after_each[:, column].numpy(), moved.sum((1, 2)), rtol=1e-5)
+
+
+def test_it_learns_counts() -> None:
+    torch.manual_seed(0)
+    model = InverseModel(InverseConfig(feature=8, hidden=(64, 64), most=3))
+    optimizer = torch.optim.Adam(model.parameters(), lr=3e-3)
+    wanted = torch.randint(-3, 4, (256, len(AXES)))
+    before = torch.randn(256, 8)
+    after = before.clone()
+    after[:, : len(AXES)] += wanted
+    for _ in range(200):
+        optimizer.zero_grad()
+        loss = model.loss(before, after, wanted)
+        loss.backward()
+        optimizer.step()
+    right = (model(before, after).argmax(-1) - 3 == wanted).float().mean()
+    assert right > 0.95

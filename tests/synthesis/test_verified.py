@@ -1,0 +1,109 @@
+"""Verified search on the real engine with the shipped checkpoints: what it finds works, twice the same."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evaps.dsl import Program, UserError, run
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.models import SEARCHES, Model, load_model
+from evaps.robots.doom import DoomRobot
+from evaps.robots.memo import MemoRobot
+from evaps.robots.scenes import random_scene
+from evaps.synthesis import PARTS, Budget, Solution, solve
+from evaps.synthesis.solution import attempt
+from evaps.synthesis.verified import Parts
+from evaps.tasks.task import Example, Task
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def memo() -> Iterator[MemoRobot]:
+    robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS, spares=[DoomRobot()])
+    yield robot
+    robot.close()
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return load_model()
+
+
+def task_of(text: str, memo: MemoRobot, seed: int = 0) -> Task:
+    """Five random scenes, and where a program leads from them."""
+    program, rng = Program.parse(f"DEF run m( {text} m)"), np.random.default_rng(seed)
+    examples = []
+    for _ in range(5):
+        scene = random_scene(rng)
+        memo.reset(scene)
+        trace = run(program, memo)
+        assert trace.halted
+        examples.append(Example(scene, trace.observations[-1].frame))  # type: ignore[attr-defined]
+    memo.forget()
+    return Task("random", tuple(examples))
+
+
+def same(one: Solution, other: Solution) -> bool:
+    a, b = ({**s.to_json(), "seconds": 0} for s in (one, other))
+    return bool(a == b)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "MOVE_FORWARD TURN_LEFT ATTACK",
+        "IF c( ISTHERE Demon c) i( MOVE_LEFT i) TURN_RIGHT",
+        "IFELSE c( ISTHERE Revenant c) i( MOVE_BACKWARD i) ELSE e( TURN_LEFT TURN_LEFT e)",
+    ],
+)
+def test_it_finds_a_program_that_works(memo: MemoRobot, model: Model, text: str) -> None:
+    task = task_of(text, memo)
+    solution = solve(model, task, memo, budget=Budget(seconds=60))
+    assert solution.solved
+    assert attempt(solution.program, task, memo).solved
+    assert solution.confidence is not None
+    assert 0.0 < solution.confidence <= 1.0
+    assert all(candidate.origin == "verified" for candidate in solution.candidates)
+    programs = [candidate.program for candidate in solution.candidates]
+    assert len(programs) == len(set(programs)) <= 20
+
+
+def test_twice_the_same(memo: MemoRobot, model: Model) -> None:
+    task = task_of("TURN_LEFT IF c( ISTHERE Demon c) i( MOVE_FORWARD i)", memo, seed=3)
+    solutions = []
+    for _ in range(2):
+        memo.forget()
+        solutions.append(solve(model, task, memo, budget=Budget(seconds=60)))
+    assert same(*solutions)
+
+
+def test_a_task_that_cannot_be_solved_is_said_to_be_unsolved(memo: MemoRobot, model: Model) -> None:
+    """The goals of one program, mixed up."""
+    task = task_of("MOVE_FORWARD MOVE_FORWARD ATTACK", memo, seed=4)
+    goals = [example.goal for example in task.examples]
+    examples = [Example(e.scene, goal) for e, goal in zip(task.examples, goals[1:] + goals[:1], strict=True)]
+    solution = solve(model, replace(task, examples=tuple(examples)), memo, budget=Budget(actions=150))
+    assert not solution.solved
+    assert solution.confidence == 0.0
+    assert solution.candidates
+    assert solution.simulated_actions < 1_500, "it ends soon after the budget is spent"
+
+
+def test_all_searches_answer(memo: MemoRobot) -> None:
+    assert set(SEARCHES) == {*PARTS, "blind"}
+    assert PARTS["verified"] == Parts()
+    task = task_of("MOVE_LEFT", memo, seed=5)
+    for name in SEARCHES:
+        memo.forget()
+        solution = solve(load_model(method=name), task, memo, budget=Budget(actions=800, seconds=60))
+        assert solution.solved == attempt(solution.program, task, memo).solved
+        if name != "blind":
+            assert solution.solved
+
+
+def test_a_search_that_is_not_there_is_told() -> None:
+    with pytest.raises(UserError, match=r"no method 'lucky'; known are .*verified.*blind"):
+        load_model(method="lucky")
