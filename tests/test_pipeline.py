@@ -34,7 +34,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def model(data: Path) -> Path:
     out = data.parent / "run"
-    for method in ("encoder", "lgrl", "evaps", "lgrl-rl", "latent-execution"):
+    for method in ("encoder", "inverse", "lgrl", "evaps", "lgrl-rl", "latent-execution"):
         train(method, data, out, "smoke", workers=Workers(1))
     return out
 
@@ -83,7 +83,9 @@ def test_an_evaluation_is_the_same_again(data: Path, model: Path, tmp_path: Path
     ]
     one, two = (pq.read_table(path).drop_columns(TIMES).to_pylist() for path in paths)
     assert one == two
-    assert len(one) == 2 * 4 * tasks
+    for method in ("lgrl", "evaps"):
+        assert sum(row["method"] == method for row in one) == 4 * tasks
+    assert len({row["task"] for row in one if row["method"] == "verified"}) == tasks
     assert not list(tmp_path.glob("*.parts*"))
     for row in one:
         assert row["generalization_state"] <= row["semantic_state"]

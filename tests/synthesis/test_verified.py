@@ -71,6 +71,33 @@ def test_it_finds_a_program_that_works(memo: MemoRobot, model: Model, text: str)
     assert len(programs) == len(set(programs)) <= 20
 
 
+def test_what_the_examples_leave_open_is_told(memo: MemoRobot, model: Model) -> None:
+    """Both kinds of monsters are there in the same scenes, or neither: which of them is meant?"""
+    rng = np.random.default_rng(0)
+    program = Program.parse("DEF run m( IF c( ISTHERE Demon c) i( TURN_LEFT i) m)")
+    examples: list[Example] = []
+    while len(examples) < 5:
+        scene = random_scene(rng)
+        memo.reset(scene)
+        there = memo.perceive("ISTHERE Demon")
+        if there == memo.perceive("ISTHERE Revenant") and (there or len(examples) < 3):
+            run(program, memo)
+            examples.append(Example(scene, memo.observe().frame))
+    memo.forget()
+    solution = solve(model, Task("open", tuple(examples)), memo, budget=Budget(seconds=60))
+    assert solution.solved
+    assert solution.doubt is not None
+    scene, other = solution.doubt
+    ends = []
+    for each in (solution.program, other):
+        memo.reset(scene)
+        ends.append(run(each, memo).observations[-1].digest)  # type: ignore[attr-defined]
+    assert ends[0] != ends[1]
+    assert solution.confidence is not None
+    assert solution.confidence < 1.0
+    assert solution.to_json()["doubt"]["program"] == str(other)
+
+
 def test_twice_the_same(memo: MemoRobot, model: Model) -> None:
     task = task_of("TURN_LEFT IF c( ISTHERE Demon c) i( MOVE_FORWARD i)", memo, seed=3)
     solutions = []

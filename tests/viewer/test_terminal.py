@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 from io import StringIO
 
 import pytest
@@ -51,3 +52,8 @@ def test_colours_only_in_a_terminal(shown, repaired):
     assert "\x1b[9;31mTURN_RIGHT" in text
     assert "\x1b[1;32mTURN_LEFT" in text
     assert "[-" not in re.sub(r"\x1b\[[\d;]*m", "", text)
+
+
+def test_what_a_search_has_found(shown, at_once):
+    found = replace(at_once, solution=replace(at_once.solution, confidence=0.8125))
+    assert "simulated actions, confidence 0.81" in shown(found)

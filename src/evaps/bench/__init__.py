@@ -29,13 +29,14 @@ def bench(model: str, seconds: float = 5.0) -> Iterator[Figure]:
     """
     robot = DoomRobot()
     try:
-        loaded = load_model(model)
+        loaded = load_model(model, "evaps")
         yield from engine_figures(robot)
         tasks = random_tasks(robot, max(2, int(4 * seconds)))
         yield from memory_figures(robot, loaded, tasks[: max(2, int(2.4 * seconds))])
         yield from generation_figures(robot, seconds)
         yield from feature_figures(loaded, tasks)
-        yield from synthesis_figures(robot, loaded, tasks)
+        yield from synthesis_figures(robot, loaded, tasks, "synthesis with repair")
+        yield from synthesis_figures(robot, load_model(model), tasks, "verified synthesis")
     finally:
         robot.close()
     yield from training_figures(seconds)

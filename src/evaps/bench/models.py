@@ -18,8 +18,8 @@ from evaps.models.base import Execution, Repairer, Synthesizer
 from evaps.models.compute import autocast, device
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
+from evaps.synthesis import SPARES, solve
 from evaps.synthesis.features import embed
-from evaps.synthesis.repair import synthesize_with
 from evaps.tasks.generate import Draft
 from evaps.tasks.task import EXAMPLES
 
@@ -34,19 +34,22 @@ def feature_figures(model: Model, drafts: Sequence[Draft]) -> Iterator[Figure]:
     yield Figure("observations embedded", len(frames) / spent, "1/s")
 
 
-def synthesis_figures(robot: DoomRobot, model: Model, drafts: Sequence[Draft]) -> Iterator[Figure]:
+def synthesis_figures(robot: DoomRobot, model: Model, drafts: Sequence[Draft], name: str) -> Iterator[Figure]:
     """How long a user waits for an answer, on one thread as in ``evaps synthesize``."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
+    spares = [DoomRobot() for _ in range(SPARES)]
     times = []
     for draft in drafts:
-        memo = MemoRobot(robot, PERCEPTION_KEYS)
+        memo = MemoRobot(robot, PERCEPTION_KEYS, spares=spares)
         task = specification(draft)
-        times.append(seconds_of(lambda task=task, memo=memo: synthesize_with(model, task, memo)))  # type: ignore[misc]
+        times.append(seconds_of(lambda task=task, memo=memo: solve(model, task, memo)))  # type: ignore[misc]
         memo.leave()
+    for spare in spares:
+        spare.close()
     torch.set_num_threads(threads)
-    yield Figure("synthesis with repair, median", float(np.median(times)), "s")
-    yield Figure("synthesis with repair, 95th percentile", float(np.percentile(times, 95)), "s")
+    yield Figure(f"{name}, median", float(np.median(times)), "s")
+    yield Figure(f"{name}, 95th percentile", float(np.percentile(times, 95)), "s")
 
 
 def training_figures(seconds: float) -> Iterator[Figure]:

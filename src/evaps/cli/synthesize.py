@@ -46,6 +46,8 @@ class Synthesize(Command):
     """How many actions verified synthesis may simulate."""
     seconds: float = 8.0
     """How long it may search; it may take a little longer."""
+    explain: bool = False
+    """Show a scene on which another program that passes all examples does otherwise, if one was found."""
     json: bool = False
     """Print one JSON object a task, a line each."""
     report: File | None = None
@@ -71,6 +73,8 @@ class Synthesize(Command):
         budget = Budget(self.actions, self.seconds)
         for report in solve_all(loaded, model, self.top_k, self.rounds, budget):
             show(report, self.json)
+            if self.explain and not self.json:
+                show_doubt(report)
             reports.append(report)
         if self.report is not None:
             save_page(self.report, reports, quiet=self.json)
@@ -140,6 +144,18 @@ def show(report: TaskReport, as_json: bool) -> None:
     from evaps.viewer import show_solution
 
     show_solution(Console(highlight=False), report)
+
+
+def show_doubt(report: TaskReport) -> None:
+    """Print what the five examples leave open: the user may add an example like it."""
+    doubt = report.solution.doubt
+    if doubt is None:
+        print("No further scene was found on which another program that passes does otherwise.")
+        return
+    scene, program = doubt
+    print("The examples leave open what is to be done here:", json.dumps(scene.to_json()))
+    print("There this program, which passes all of them too, does otherwise:")
+    print(program.to_python())
 
 
 def save_page(path: Path, reports: Sequence[TaskReport], quiet: bool) -> None:

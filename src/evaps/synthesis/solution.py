@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from evaps.dsl import Program, Trace, run
-from evaps.robots.base import Robot
+from evaps.robots.base import Robot, Scene
 from evaps.robots.frames import Observation, frame_match
 from evaps.robots.memo import MemoRobot
 from evaps.robots.together import run_together
@@ -78,6 +78,8 @@ class Solution:
             last is what the paper's evaluation judges.
         confidence: of a verified search: how far other programs that pass all examples agree with the answer
             on further scenes, from 0 to 1.
+        doubt: a scene on which another program that passes all examples ends otherwise than the answer, and
+            that program: what the user might be asked about.
     """
 
     task: str
@@ -86,6 +88,7 @@ class Solution:
     seconds: float
     all_candidates: tuple[Candidate, ...] = ()
     confidence: float | None = None
+    doubt: tuple[Scene, Program] | None = None
 
     @property
     def program(self) -> Program:
@@ -103,7 +106,11 @@ class Solution:
             {"program": str(c.program), "pairs_passed": c.final.pairs_passed, "origin": c.origin}
             for c in self.candidates
         ]
-        confidence = {} if self.confidence is None else {"confidence": round(self.confidence, 3)}
+        confidence: dict[str, Any] = {}
+        if self.confidence is not None:
+            confidence["confidence"] = round(self.confidence, 3)
+        if self.doubt is not None:
+            confidence["doubt"] = {"scene": self.doubt[0].to_json(), "program": str(self.doubt[1])}
         return {
             "task": self.task,
             "candidates": candidates,

@@ -66,6 +66,9 @@ class Parts:
     beam: bool = True
 
 
+Doubt = tuple[Scene, Program] | None
+"""A scene, and a program that ends otherwise there than the answer."""
+
 USUAL_BUDGET, ALL_PARTS = Budget(), Parts()
 
 
@@ -118,10 +121,10 @@ class _Search:
         programs = self.explain() or self.explain_some()
         attempts = attempt_all(programs, self.task, self.robot)
         attempts.sort(key=lambda a: (-a.pairs_passed, cost_of(a.program)))
-        kept, confidence = self.choose(attempts[:PROBED], top_k, seed)
+        kept, confidence, doubt = self.choose(attempts[:PROBED], top_k, seed)
         candidates = tuple(Candidate((a,), rank, ORIGIN) for rank, a in enumerate(kept))
         seconds = time.perf_counter() - self._start
-        return Solution(self.task.name, candidates, self.spent, seconds, candidates, confidence)
+        return Solution(self.task.name, candidates, self.spent, seconds, candidates, confidence, doubt)
 
     def reach_goals(self) -> None:
         """Find a way to the goal in every scene."""
@@ -206,26 +209,29 @@ class _Search:
         chosen = [self.traces.scenes[i] for i in scenes]
         return Explainer([Graph.of(scene.root, scene.goals) for scene in chosen], limits)
 
-    def choose(self, attempts: list[Attempt], top_k: int, seed: int) -> tuple[list[Attempt], float]:
-        """The attempts that differ in what they do, and how far the solved ones agree with the first.
+    def choose(self, attempts: list[Attempt], top_k: int, seed: int) -> tuple[list[Attempt], float, Doubt]:
+        """The attempts that differ in what they do, how far the solved ones agree with the first, where not.
 
         Each program counts as much as a random program is likely to be it; programs agree if they end alike
         on a further random scene. Nobody is asked what is right there.
         """
         solved = [a for a in attempts if a.solved]
         if not solved:
-            return attempts[:top_k], 0.0
+            return attempts[:top_k], 0.0, None
         rng = np.random.default_rng(seed)
         scenes = [random_scene(rng) for _ in range(PROBES)] if len(attempts) > 1 else []
         ends = self._ends([a.program for a in attempts], scenes)
         did = [(tuple(t.actions for t in a.traces), end) for a, end in zip(attempts, ends, strict=True)]
         kept = list(dict(reversed(list(zip(did, attempts, strict=True)))).values())[::-1]
         weights = np.array([2.0 ** -cost_of(a.program) for a in solved])
-        alike = [
-            float(np.mean([x == y for x, y in zip(end, ends[0], strict=True)] or [True])) for end in ends
-        ]
-        confidence = float(np.average(alike[: len(solved)], weights=weights))
-        return kept[:top_k], confidence
+        alike = [_share_equal(end, ends[0]) for end in ends[: len(solved)]]
+        doubts = (
+            (scenes[i], a.program)
+            for a, end in zip(solved, ends, strict=False)
+            for i in range(len(scenes))
+            if end[i] != ends[0][i]
+        )
+        return kept[:top_k], float(np.average(alike, weights=weights)), next(doubts, None)
 
     def _ends(self, programs: list[Program], scenes: list[Scene]) -> list[tuple[object, ...]]:
         """What the robot sees at the end of each program on each scene; None if it does not halt."""

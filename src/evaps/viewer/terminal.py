@@ -52,6 +52,8 @@ def _verdict(report: TaskReport) -> Text:
     text = Text.assemble(verdict)
     text.append(f"  {_pairs(best.final)} pairs")
     facts = f"  {best.origin}, {solution.seconds:.1f} s, {solution.simulated_actions} simulated actions"
+    if solution.confidence is not None and solution.solved:
+        facts += f", confidence {solution.confidence:.2f}"
     return text.append(facts, "dim")
 
 
