@@ -36,6 +36,7 @@ LARGER_BLOCKS = 6  # actions in a block, when programs with smaller ones explain
 PARTIAL = Limits(work=100_000, programs=100, extra=8)  # for programs that explain some of the scenes
 PROBES = 4  # further scenes on which programs are compared
 PROBED = 20  # programs that are
+DEARER = 1.5  # so many times less does a program count for each bit that it costs: 2 if the prior were exact
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,8 @@ class Parts:
     beam: bool = True
 
 
+Ends = tuple[object, ...]
+"""What the robot sees at the end of a program on each further scene."""
 Doubt = tuple[Scene, Program] | None
 """A scene, and a program that ends otherwise there than the answer."""
 
@@ -210,30 +213,40 @@ class _Search:
         return Explainer([Graph.of(scene.root, scene.goals) for scene in chosen], limits)
 
     def choose(self, attempts: list[Attempt], top_k: int, seed: int) -> tuple[list[Attempt], float, Doubt]:
-        """The attempts that differ in what they do, how far the solved ones agree with the first, where not.
+        """The attempts that differ in what they do, the answer first; the confidence in it, and what is open.
 
-        Each program counts as much as a random program is likely to be it; programs agree if they end alike
-        on a further random scene. Nobody is asked what is right there.
+        All are run on further random scenes, on which nobody knows what is right. Of the programs that pass
+        all examples the answer is one that ends as many others do, each of which counts the more the likelier
+        a random program is to be it.
         """
         solved = [a for a in attempts if a.solved]
         if not solved:
             return attempts[:top_k], 0.0, None
         rng = np.random.default_rng(seed)
-        scenes = [random_scene(rng) for _ in range(PROBES)] if len(attempts) > 1 else []
-        ends = self._ends([a.program for a in attempts], scenes)
-        did = [(tuple(t.actions for t in a.traces), end) for a, end in zip(attempts, ends, strict=True)]
-        kept = list(dict(reversed(list(zip(did, attempts, strict=True)))).values())[::-1]
-        weights = np.array([2.0 ** -cost_of(a.program) for a in solved])
-        alike = [_share_equal(end, ends[0]) for end in ends[: len(solved)]]
+        scenes = [random_scene(rng) for _ in range(PROBES)] if len(solved) > 1 else []
+        programs = [a.program for a in solved]
+        ends = dict(zip(programs, self._ends(programs, scenes), strict=True))
+        weights = {p: DEARER ** -cost_of(p) for p in programs}
+        mass: dict[Ends, float] = {}
+        for p in programs:
+            mass[ends[p]] = mass.get(ends[p], 0.0) + weights[p]
+        solved.sort(key=lambda a: -mass[ends[a.program]])
+        answer = ends[solved[0].program]
+        alike = [_share_equal(ends[p], answer) for p in programs]
         doubts = (
-            (scenes[i], a.program)
-            for a, end in zip(solved, ends, strict=False)
-            for i in range(len(scenes))
-            if end[i] != ends[0][i]
+            (scene, p)
+            for p in programs
+            for scene, end, expected in zip(scenes, ends[p], answer, strict=True)
+            if end != expected
         )
-        return kept[:top_k], float(np.average(alike, weights=weights)), next(doubts, None)
+        confidence = float(np.average(alike, weights=[weights[p] for p in programs]))
+        distinct: dict[object, Attempt] = {}
+        for a in solved:
+            distinct.setdefault((tuple(t.actions for t in a.traces), ends[a.program]), a)
+        others = [a for a in attempts if not a.solved]
+        return [*distinct.values(), *others][:top_k], confidence, next(doubts, None)
 
-    def _ends(self, programs: list[Program], scenes: list[Scene]) -> list[tuple[object, ...]]:
+    def _ends(self, programs: list[Program], scenes: list[Scene]) -> list[Ends]:
         """What the robot sees at the end of each program on each scene; None if it does not halt."""
         by_scene = [run_together(programs, scene, self.robot) for scene in scenes]
         ends: list[list[object]] = [[] for _ in programs]
@@ -243,6 +256,6 @@ class _Search:
         return [tuple(end) for end in ends]
 
 
-def _share_equal(one: tuple[object, ...], other: tuple[object, ...]) -> float:
+def _share_equal(one: Ends, other: Ends) -> float:
     same = [a == b for a, b in zip(one, other, strict=True)]
     return sum(same) / len(same) if same else 1.0
