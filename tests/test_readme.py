@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from evaps.report import bench_table, difference_line, summary_table
+from evaps.report import answer_table, bench_table, difference_line, summary_table
+from recipes import verified
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -24,6 +25,13 @@ def test_the_figures_of_the_benchmark_are_those_of_the_committed_rows() -> None:
     page = (ROOT / "docs" / "performance.md").read_text()
     shown = page.split("<!-- results/bench.jsonl -->")[1].split("<!-- end -->")[0]
     assert shown.strip() == bench_table(ROOT / "results" / "bench.jsonl")
+
+
+def test_the_figures_of_verified_synthesis_are_those_of_the_committed_rows() -> None:
+    page = (ROOT / "docs" / "verified.md").read_text()
+    assert page.split("<!-- verified -->")[1].split("<!-- end -->")[0].strip() == verified.tables()
+    shown = README.split("<!-- answers -->")[1].split("<!-- end -->")[0]
+    assert shown.strip() == answer_table([verified.OTHERS, verified.ROWS])
 
 
 def test_every_command_it_shows_exists() -> None:
