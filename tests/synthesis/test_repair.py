@@ -9,11 +9,15 @@ import torch
 from torch import Tensor
 
 from evaps.dsl import Program, run
+from evaps.models import Model
 from evaps.models.base import Execution, Repairer
+from evaps.models.beam import Proposal
 from evaps.models.encoder import Encoder, EncoderConfig
+from evaps.models.lgrl import LGRL
 from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
+from evaps.synthesis.best_first import synthesize_best_first
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.repair import _until_best, repair_all
 from evaps.synthesis.solution import Candidate, attempt, best_first
@@ -41,6 +45,10 @@ class Script(Repairer):
         self.seen.append(list(executions))
         self.tried.append(list(tried))
         return [self.programs.pop(0) for _ in executions]
+
+    def repairs(self, executions: Sequence[Execution], table: Tensor, beam: int) -> list[list[Program]]:
+        self.seen.append(list(executions))
+        return [[p for p in self.programs if p is not None][:beam] for _ in executions]
 
     def loss(self, executions: object, targets: object, table: object) -> Tensor:
         return torch.zeros(())
@@ -116,3 +124,28 @@ def test_an_answer_goes_no_further_than_its_best_attempt(task: Task, robot: Memo
     assert list(_until_best([close, wrong])) == [close]
     assert list(_until_best([wrong, close, close, wrong])) == [wrong, close]
     assert list(_until_best([wrong, gold])) == [wrong, gold]
+
+
+def test_best_first_goes_on_from_what_passes_most(
+    task: Task, robot: MemoRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    proposals = [Proposal(WRONG, -1.0), Proposal(CLOSE, -2.0)]
+    monkeypatch.setattr("evaps.synthesis.best_first.propose", lambda *_: proposals)
+    repairer = Script([WRONG, GOLD])
+    encoder = Encoder(EncoderConfig(channels=(4, 4, 4, 4, 4), feature=8)).eval()
+    solution = synthesize_best_first(Model(encoder, LGRL(), repairer), task, robot)
+    assert solution.solved
+    assert solution.program == GOLD
+    assert [a.program for a in solution.candidates[0].attempts] == [CLOSE, GOLD]
+    assert [e.program for (e,) in repairer.seen] == [CLOSE]
+    assert {c.program for c in solution.candidates} == {GOLD, CLOSE, WRONG}
+
+
+def test_best_first_gives_up(task: Task, robot: MemoRobot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evaps.synthesis.best_first.propose", lambda *_: [Proposal(WRONG, -1.0)])
+    repairer = Script([CLOSE])
+    encoder = Encoder(EncoderConfig(channels=(4, 4, 4, 4, 4), feature=8)).eval()
+    solution = synthesize_best_first(Model(encoder, LGRL(), repairer), task, robot, calls=5)
+    assert not solution.solved
+    assert len(repairer.seen) == 2, "nothing new comes of either"
+    assert solution.program == CLOSE

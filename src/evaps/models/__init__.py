@@ -52,11 +52,13 @@ SEARCHES: dict[str, tuple[str, ...]] = {
     "verified-no-guide": ("encoder", PROPOSER, "inverse"),
     "verified-no-sharing": ("encoder", PROPOSER, "inverse"),
     "verified-no-beam": ("encoder", PROPOSER, "inverse"),
+    "sed-search": ("encoder", PROPOSER, "sed"),
     "blind": ("encoder", PROPOSER),
 }
 """Searches, which are no networks of their own, and the checkpoints that they use: see `evaps.synthesis`.
 
-``verified``, the same without one of its parts, and ``blind``, which draws programs and learns nothing.
+``verified``, the same without one of its parts, SED's own search, and ``blind``, which draws programs and
+learns nothing.
 """
 
 SHIPPED = Path(__file__).parents[1] / "checkpoints"
@@ -191,8 +193,11 @@ def load_model(name: str | Path = "small", method: str = VERIFIED) -> Model:
     """
     folder = model_folder(name)
     if method in SEARCHES:
-        inverse = load_inverse(folder / "inverse") if "inverse" in SEARCHES[method] else None
-        return replace(load_model(folder, PROPOSER), inverse=inverse, search=method)
+        needed = SEARCHES[method][-1]
+        inverse = load_inverse(folder / needed) if needed == "inverse" else None
+        return replace(
+            load_model(folder, needed if needed in METHODS else PROPOSER), inverse=inverse, search=method
+        )
     repairs = is_repairer(method)
     synthesizer = load_method(folder / (proposer := PROPOSER if repairs else method), proposer)
     repairer = load_method(folder / method, method) if repairs else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -96,16 +96,6 @@ class Execution:
         return replace(Execution(self.program, *rows), events=np.column_stack([self.events[:, :2], seen]))
 
 
-@runtime_checkable
-class EditDecoder(Protocol):
-    """Turns representations of a wrong program's tokens into what it may become."""
-
-    def decode(
-        self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
-    ) -> list[list[Program]]:
-        """For each program what it may become, most probable first; everything parses."""
-
-
 class Repairer(nn.Module, ABC):
     """Turns wrong programs and what happened when they ran into better ones."""
 
@@ -114,6 +104,11 @@ class Repairer(nn.Module, ABC):
     config: Any
 
     @abstractmethod
+    def repairs(
+        self, executions: Sequence[Execution], table: Float[Tensor, "row feature"], beam: int
+    ) -> list[list[Program]]:
+        """For each execution what its program may become, at most ``beam``, most probable first."""
+
     def repair(
         self,
         executions: Sequence[Execution],
@@ -121,19 +116,10 @@ class Repairer(nn.Module, ABC):
         tried: Sequence[set[Program]],
     ) -> list[Program | None]:
         """For each execution the best program that is not among those tried; None if there is none."""
-
-    def first_new(
-        self,
-        edits: EditDecoder,
-        memory: Float[Tensor, "batch pair time memory"],
-        executions: Sequence[Execution],
-        tried: Sequence[set[Program]],
-    ) -> list[Program | None]:
-        """The most probable results of an edit decoder that are not among those tried."""
-        decoded = edits.decode(memory, [e.program for e in executions], self.config.beam)
+        found = self.repairs(executions, table, self.config.beam)
         return [
             next((program for program in programs if program not in old), None)
-            for programs, old in zip(decoded, tried, strict=True)
+            for programs, old in zip(found, tried, strict=True)
         ]
 
     @abstractmethod

@@ -187,12 +187,9 @@ class Evaps(Repairer):
         return self.edits.loss(memory, [e.program for e in executions], targets)
 
     @torch.inference_mode()
-    def repair(
-        self,
-        executions: Sequence[Execution],
-        table: Float[Tensor, "row feature"],
-        tried: Sequence[set[Program]],
-    ) -> list[Program | None]:
-        """See :meth:`Repairer.repair`."""
+    def repairs(
+        self, executions: Sequence[Execution], table: Float[Tensor, "row feature"], beam: int
+    ) -> list[list[Program]]:
+        """See :meth:`Repairer.repairs`."""
         memory = self(Batch.of(executions, table.device), table)[:, None]
-        return self.first_new(self.edits, memory, executions, tried)
+        return self.edits.decode(memory, [e.program for e in executions], beam)

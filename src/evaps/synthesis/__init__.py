@@ -6,6 +6,7 @@ from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.models import Model
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
+from evaps.synthesis.best_first import synthesize_best_first
 from evaps.synthesis.blind import synthesize_blindly
 from evaps.synthesis.repair import ROUNDS, synthesize_with
 from evaps.synthesis.solution import Attempt, Candidate, Solution
@@ -55,6 +56,8 @@ def solve(
     """The same on a robot that is there."""
     if model.search is None:
         return synthesize_with(model, task, robot, top_k, rounds)
+    if model.search == "sed-search":
+        return synthesize_best_first(model, task, robot, top_k)
     if model.search == "blind":
         return synthesize_blindly(task, robot, budget)
     return synthesize_verified(model, task, robot, top_k, budget, PARTS[model.search])
