@@ -95,3 +95,12 @@ def test_a_goal_that_cannot_be_reached_has_no_program(memo: MemoRobot) -> None:
 
 def test_all_conditions_can_be_asked() -> None:
     assert len(CONDITIONS) == len(set(CONDITIONS)) == 12
+
+
+@pytest.mark.parametrize(
+    "text", ["REPEAT R=6 r( TURN_LEFT MOVE_LEFT TURN_RIGHT r)", "REPEAT R=6 r( ATTACK r)"]
+)
+def test_a_long_run_is_explained_by_a_loop(memo: MemoRobot, body: str) -> None:
+    program = Program.parse(f"DEF run m( REPEAT R=6 r( {body} r) m)")
+    graphs, _ = graphs_of(program, memo, 3)
+    assert program in Explainer(graphs, Limits(loops=True)).programs()

@@ -1,5 +1,9 @@
 """Paths that are like others, and how the inverse model counts."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -69,3 +73,48 @@ def test_it_learns_counts() -> None:
         optimizer.step()
     right = (model(before, after).argmax(-1) - 3 == wanted).float().mean()
     assert right > 0.95
+
+
+SAME_ORDER = """
+import torch, numpy as np
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.models import load_model
+from evaps.robots.doom import DoomRobot
+from evaps.robots.memo import MemoRobot
+from evaps.robots.scenes import random_scene
+from evaps.synthesis.features import FeatureTable
+from evaps.synthesis.traces import TraceSearch, one_edit_away
+from evaps.tasks.task import Example, Task
+
+torch.set_num_threads(1)
+rng, robot, model = np.random.default_rng(1), MemoRobot(DoomRobot(), PERCEPTION_KEYS), load_model()
+examples = []
+for number in range(5):
+    scene = random_scene(rng)
+    robot.reset(scene)
+    for action in ("MOVE_LEFT", "ATTACK", "MOVE_FORWARD")[: 1 + number % 3]:
+        robot.act(action)
+    examples.append(Example(scene, robot.observe().frame))
+robot.forget()
+search = TraceSearch(Task("t", tuple(examples)), robot, FeatureTable(model.encoder), model.inverse)
+for step in range(12):
+    search.step(slack=0)
+    search.suggest_ways(one_edit_away)
+    search.suggest(one_edit_away)
+print([sorted(len(n.actions) for n in scene.known) for scene in search.scenes])
+print([[path for _, _, path in scene.trials] for scene in search.scenes], robot.simulated_actions)
+robot.close()
+"""
+
+
+@pytest.mark.slow
+def test_the_search_is_the_same_in_every_process() -> None:
+    """Whatever the seed of hashes, by which sets are ordered."""
+    outputs = []
+    for seed in ("1", "2"):
+        environment = {**os.environ, "PYTHONHASHSEED": seed, "OMP_NUM_THREADS": "1"}
+        command = [sys.executable, "-c", SAME_ORDER]
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120)
+        assert done.returncode == 0, done.stderr
+        outputs.append(done.stdout)
+    assert outputs[0] == outputs[1]

@@ -150,7 +150,7 @@ def show_doubt(report: TaskReport) -> None:
     """Print what the five examples leave open: the user may add an example like it."""
     doubt = report.solution.doubt
     if doubt is None:
-        print("No further scene was found on which another program that passes does otherwise.")
+        print("No scene is known on which another program that passes all examples does otherwise.")
         return
     scene, program = doubt
     print("The examples leave open what is to be done here:", json.dumps(scene.to_json()))

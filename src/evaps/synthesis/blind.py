@@ -36,14 +36,13 @@ def synthesize_blindly(
     start, simulated = time.perf_counter(), robot.simulated_actions
     rng = np.random.default_rng(seed)
     best: tuple[int, Program] | None = None
-    while best is None or best[0] < len(task.examples):
-        if time.perf_counter() - start > budget.seconds:
-            break
-        if robot.simulated_actions - simulated >= budget.actions:
-            break
+    over = False
+    while not over and (best is None or best[0] < len(task.examples)):
         for passed, program in _furthest([sample_program(rng) for _ in range(DRAWN_TOGETHER)], task, robot):
             if best is None or passed > best[0]:
                 best = passed, program
+        late = time.perf_counter() - start > budget.seconds
+        over = late or robot.simulated_actions - simulated >= budget.actions
     programs = [best[1]] if best else []
     candidates = tuple(Candidate((a,), 0, "blind") for a in attempt_all(programs, task, robot))
     spent = robot.simulated_actions - simulated

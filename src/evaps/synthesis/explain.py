@@ -126,15 +126,18 @@ class Limits:
         work: statements that are tried, nested ones included.
         programs: that it looks for.
         extra: what a program may cost more than the cheapest one.
+        loops: whether it is taken into account that a loop may stand for all actions that are left. Nothing
+            cheaper is missed then; otherwise it is quicker, and long runs are not explained.
     """
 
     action: ClassVar[int] = ACTION
     conditions: int = 2
     body: int = 4 * ACTION
-    cost: int = 15 * ACTION
+    cost: int = 16 * ACTION
     work: int = 400_000
     programs: int = 24
     extra: int = ACTION
+    loops: bool = False
 
 
 def cost_of(program: Program) -> int:
@@ -202,8 +205,9 @@ class Explainer:
         return all(node in graph.goals for node, graph in zip(state, self.graphs, strict=True))
 
     def _ahead(self, state: State, suffixes: dict[State, int]) -> int:
-        """What is needed at least: the actions that are left, or, if they are not common, a branch."""
-        return suffixes.get(state, BRANCH + ACTION)
+        """What is needed: the actions that are left, or, if they are not common, a branch at least."""
+        left = suffixes.get(state, BRANCH + ACTION)
+        return min(left, LOOP + ACTION) if self.limits.loops else left
 
     def _suffixes(self) -> dict[State, int]:
         """States from which actions alone lead to the goals in all scenes, and what they cost."""
@@ -215,7 +219,7 @@ class Explainer:
                     reverse[action][child].append(node)
             into.append(reverse)
         found: dict[State, int] = {}
-        level = list(_product([sorted(graph.goals, key=id) for graph in self.graphs]))
+        level = list(_product([list(graph.goals) for graph in self.graphs]))
         length = 0
         while level and len(found) < 20_000:
             new = []

@@ -29,6 +29,7 @@ AT_ONCE = 2  # actions tried in a scene before the next look at the estimates
 
 LENGTH = 0.3  # what an action of a path counts against the likelihood of its counts
 LEAST = -5.0  # the logarithm of the least probability that is told apart: a way may have been blocked
+SHORTEST_WAY_BACK = 2  # actions that lead back to where they began
 LONGEST = 24  # actions in a path
 WAYS = 40  # to the goals of a scene, at most, that others learn from
 MOST_TIMES = 8  # that a part of a path is repeated
@@ -147,19 +148,18 @@ class TraceSearch:
 
     def _next(self, scene: SceneSearch, slack: float | None) -> tuple[Node, str] | None:
         """What to try next: the most promising, or something nearly as good nearer to where the robot is."""
-        most = scene.steps + slack if slack is not None else 1_000.0
+        most = 1_000.0 if slack is None else max(scene.steps + slack, SHORTEST_WAY_BACK)
         best: list[tuple[float, int, Node, str]] = []
+        later: list[tuple[float, int, Node, str]] = []  # what may be of use with more slack
         while scene.queue and len(best) < LOOK_AT:
             entry = heapq.heappop(scene.queue)
-            if entry[3] not in entry[2].children and len(entry[2].actions) < most:
-                best.append(entry)
-        if not best:
-            return None
-        chosen = min(best, key=lambda entry: entry[0] + WAY * self._way_to(entry[2]))
-        for entry in best:
+            if entry[3] not in entry[2].children:
+                (best if len(entry[2].actions) < most else later).append(entry)
+        chosen = min(best, key=lambda entry: entry[0] + WAY * self._way_to(entry[2]), default=None)
+        for entry in (*best, *later):
             if entry is not chosen:
                 heapq.heappush(scene.queue, entry)
-        return chosen[2], chosen[3]
+        return None if chosen is None else chosen[2:]
 
     def _way_to(self, node: Node) -> int:
         way = self.robot.distance(node)
@@ -241,7 +241,7 @@ class TraceSearch:
 
     def suggest_ways(self, changes: Callable[[Path], Iterator[Path]]) -> None:
         """The same as :meth:`suggest` for all known ways to the goals, not only the shortest ones."""
-        ways = {way for scene in self.scenes if scene.goals for way in goal_paths(scene)}
+        ways = dict.fromkeys(way for scene in self.scenes if scene.goals for way in goal_paths(scene))
         for scene in self.scenes:
             if not scene.goals:
                 for path in ways:
@@ -251,7 +251,7 @@ class TraceSearch:
 
     def suggest(self, changes: Callable[[Path], Iterator[Path]]) -> None:
         """Where no goal was reached, try what is like that which has led to the goals of other scenes."""
-        shortest = {min((g.actions for g in s.goals), key=len) for s in self.scenes if s.goals}
+        shortest = dict.fromkeys(min((g.actions for g in s.goals), key=len) for s in self.scenes if s.goals)
         for scene in self.scenes:
             if not scene.goals:
                 for path in sorted(shortest, key=len):

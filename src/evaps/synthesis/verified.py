@@ -4,15 +4,16 @@
    inverse model (`evaps.synthesis.traces`).
 2. Programs: find the shortest programs that explain all traces (`evaps.synthesis.explain`). Where there is
    none, look at more of the trees, and try again.
-3. The answer: of the programs that pass all pairs the cheapest, in the sense of what random programs look
-   like. On further random scenes the others agree with it, or not: that is the confidence in it.
+3. The answer: of the programs that pass all pairs one that, on further random scenes, ends as most of the
+   others do, the cheap ones counting most. How far they agree with it is the confidence in it.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -34,6 +35,8 @@ FIRST_LOOK = 4  # rounds of looking around before programs are looked for
 MORE_LOOKS = 4  # times that it is looked around twice as long, if there is no program yet
 LARGER_BLOCKS = 6  # actions in a block, when programs with smaller ones explain nothing
 PARTIAL = Limits(work=100_000, programs=100, extra=8)  # for programs that explain some of the scenes
+SOME = Limits(work=100_000)
+NOTHING_FOUND = Program.parse("DEF run m( TURN_LEFT m)")
 PROBES = 4  # further scenes on which programs are compared
 PROBED = 20  # programs that are
 DEARER = 1.5  # so many times less does a program count for each bit that it costs: 2 if the prior were exact
@@ -196,19 +199,25 @@ class _Search:
                 return list(dict.fromkeys([*programs, *(v for p in programs for v in explainer.variants(p))]))
             if self.over:
                 break
+            limits = replace(limits, loops=True)
             if look:
                 limits = replace(limits, body=LARGER_BLOCKS * limits.action)
         return []
 
     def explain_some(self) -> list[Program]:
-        """Programs for the scenes where the goal was reached, and what the synthesizer proposed."""
+        """Programs for the scenes where the goal was reached, or for all but one, and LGRL's candidates."""
         reached = [i for i, scene in enumerate(self.traces.scenes) if scene.goals]
-        programs = self._explainer(reached, Limits(work=200_000)).programs() if reached else []
-        if not self.proposals and (self.parts.beam or not programs):
+        parts = (
+            [reached]
+            if len(reached) < len(self.traces.scenes)
+            else list(combinations(reached, len(reached) - 1))
+        )
+        programs = [p for part in parts if part for p in self._explainer(part, SOME).programs()]
+        if not self.proposals and self.parts.beam:
             self.proposals = [p.program for p in propose(self.model, self.table, self.task, self.robot)]
-        return list(dict.fromkeys([*programs, *self.proposals]))
+        return list(dict.fromkeys([*programs, *self.proposals])) or [NOTHING_FOUND]
 
-    def _explainer(self, scenes: range | list[int], limits: Limits) -> Explainer:
+    def _explainer(self, scenes: Sequence[int], limits: Limits) -> Explainer:
         chosen = [self.traces.scenes[i] for i in scenes]
         return Explainer([Graph.of(scene.root, scene.goals) for scene in chosen], limits)
 
@@ -220,8 +229,12 @@ class _Search:
         a random program is to be it.
         """
         solved = [a for a in attempts if a.solved]
+        others: dict[object, Attempt] = {}
+        for a in attempts:
+            if not a.solved:
+                others.setdefault(tuple(t.actions for t in a.traces), a)
         if not solved:
-            return attempts[:top_k], 0.0, None
+            return list(others.values())[:top_k], 0.0, None
         rng = np.random.default_rng(seed)
         scenes = [random_scene(rng) for _ in range(PROBES)] if len(solved) > 1 else []
         programs = [a.program for a in solved]
@@ -243,16 +256,16 @@ class _Search:
         distinct: dict[object, Attempt] = {}
         for a in solved:
             distinct.setdefault((tuple(t.actions for t in a.traces), ends[a.program]), a)
-        others = [a for a in attempts if not a.solved]
-        return [*distinct.values(), *others][:top_k], confidence, next(doubts, None)
+        return [*distinct.values(), *others.values()][:top_k], confidence, next(doubts, None)
 
     def _ends(self, programs: list[Program], scenes: list[Scene]) -> list[Ends]:
-        """What the robot sees at the end of each program on each scene; None if it does not halt."""
+        """What the robot sees at the end of each program on each scene."""
         by_scene = [run_together(programs, scene, self.robot) for scene in scenes]
         ends: list[list[object]] = [[] for _ in programs]
         for traces in by_scene:
             for end, trace in zip(ends, traces, strict=True):
-                end.append(trace.observations[-1].digest if trace.halted else None)  # type: ignore[attr-defined]
+                seen = trace.observations[-1].digest if trace.halted else object()  # type: ignore[attr-defined]
+                end.append(seen)  # who does not halt is like nobody
         return [tuple(end) for end in ends]
 
 

@@ -166,6 +166,8 @@ def reward_loss(run: Run, model: Synthesizer, positions: Sequence[int]) -> tuple
         groups = [[p.program for p in group] for group in beam_search(model, features, scale.rl_beam)]
     bests, means = [], []
     for position, programs, given in zip(positions, groups, features, strict=True):
+        if not programs:
+            continue
         right = run.judge.matches(position, programs).all(1)
         rewards = torch.from_numpy(np.where(right, 1.0, -1.0)).float().to(device())
         lessons = [lesson(VOCAB.encode(p.tokens)) for p in programs]
