@@ -99,6 +99,8 @@ def _mean_loss(model: Repairer, mistakes: Mistakes, table: Tensor) -> float:
 def _repairs(run: Run, model: Repairer, mistakes: Mistakes, table: Tensor) -> dict[str, float]:
     """The shares of the synthesizer's failures that one repair makes semantically, and exactly, right."""
     rows = [i for i, stage in enumerate(mistakes.stages) if stage == 2][:VALIDATION_REPAIRS]
+    if not rows:
+        return {"semantic": 0.0, "exact": 0.0}
     repaired: list[Program | None] = []
     for start in range(0, len(rows), 64):
         executions = [mistakes.executions[i] for i in rows[start : start + 64]]

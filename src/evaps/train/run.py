@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from accelerate import PartialState
 
 from evaps.dsl import VOCAB, Program
 from evaps.models import load_encoder
@@ -124,5 +125,6 @@ class Run:
             "precision": precision(),
             "minutes_of_last_run": round((time.monotonic() - self._start) / 60, 1),
         }
-        save_checkpoint(self.out / name, model, name, facts)
+        if PartialState().is_main_process:
+            save_checkpoint(self.out / name, model, name, facts)
         return self.out / name
