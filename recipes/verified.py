@@ -27,8 +27,8 @@ OTHERS = RESULTS / "rows.parquet"  # LGRL's and EVAPS's, from `recipes.small`
 ROWS = RESULTS / "verified.parquet"
 PARTS = RESULTS / "verified-parts.parquet"
 SEED = 0
-TEST_TASKS, PART_TASKS = 1_000, 50
-WITHOUT = ("verified", "verified-no-guide", "verified-no-sharing", "verified-no-beam", "blind")
+TEST_TASKS, PART_TASKS = 1_000, 40
+WITHOUT = ("verified", "verified-no-guide", "verified-no-sharing", "verified-no-beam", "enumeration", "blind")
 
 
 def make_data() -> None:

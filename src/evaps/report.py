@@ -21,6 +21,7 @@ NAMES = {
     "verified-no-guide": "without the inverse model",
     "verified-no-sharing": "without sharing among scenes",
     "verified-no-beam": "without LGRL's beam",
+    "enumeration": "enumeration of programs by cost",
     "blind": "blind: programs drawn from the prior",
 }
 TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state": "generalization"}

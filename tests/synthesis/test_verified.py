@@ -120,10 +120,10 @@ def test_a_task_that_cannot_be_solved_is_said_to_be_unsolved(memo: MemoRobot, mo
 
 
 def test_all_searches_answer(memo: MemoRobot) -> None:
-    assert set(SEARCHES) == {*PARTS, "blind", "sed-search"}
+    assert set(SEARCHES) == {*PARTS, "blind", "enumeration", "sed-search"}
     assert PARTS["verified"] == Parts()
     task = task_of("MOVE_LEFT", memo, seed=5)
-    for name in (*PARTS, "blind"):
+    for name in (*PARTS, "enumeration", "blind"):
         memo.forget()
         solution = solve(load_model(method=name), task, memo, budget=Budget(actions=800, seconds=60))
         assert solution.solved == attempt(solution.program, task, memo).solved

@@ -53,12 +53,13 @@ SEARCHES: dict[str, tuple[str, ...]] = {
     "verified-no-sharing": ("encoder", PROPOSER, "inverse"),
     "verified-no-beam": ("encoder", PROPOSER, "inverse"),
     "sed-search": ("encoder", PROPOSER, "sed"),
+    "enumeration": ("encoder", PROPOSER),
     "blind": ("encoder", PROPOSER),
 }
 """Searches, which are no networks of their own, and the checkpoints that they use: see `evaps.synthesis`.
 
-``verified``, the same without one of its parts, SED's own search, and ``blind``, which draws programs and
-learns nothing.
+``verified``, the same without one of its parts, SED's own search, and two that learn nothing: ``enumeration``
+by cost, and ``blind``, which draws programs.
 """
 
 SHIPPED = Path(__file__).parents[1] / "checkpoints"

@@ -8,6 +8,7 @@ from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.synthesis.best_first import synthesize_best_first
 from evaps.synthesis.blind import synthesize_blindly
+from evaps.synthesis.enumeration import synthesize_by_enumeration
 from evaps.synthesis.repair import ROUNDS, synthesize_with
 from evaps.synthesis.solution import Attempt, Candidate, Solution
 from evaps.synthesis.verified import ALL_PARTS, USUAL_BUDGET, Budget, Parts, synthesize_verified
@@ -58,6 +59,8 @@ def solve(
         return synthesize_with(model, task, robot, top_k, rounds)
     if model.search == "sed-search":
         return synthesize_best_first(model, task, robot, top_k)
+    if model.search == "enumeration":
+        return synthesize_by_enumeration(task, robot, budget)
     if model.search == "blind":
         return synthesize_blindly(task, robot, budget)
     return synthesize_verified(model, task, robot, top_k, budget, PARTS[model.search])
