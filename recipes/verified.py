@@ -14,7 +14,7 @@ from pathlib import Path
 
 from evaps.evaluate import evaluate
 from evaps.models import SHIPPED
-from evaps.report import answer_table, budget_table, confidence_table, steps_table
+from evaps.report import answer_table, budget_table, confidence_table, steps_table, summary_table
 from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
 from evaps.train import train
@@ -56,6 +56,8 @@ def tables() -> str:
     """The tables of docs/verified.md, from the rows."""
     parts = [
         answer_table([OTHERS, ROWS]),
+        "The first, the first five and the first twenty candidates, no two of which do the same (in %):",
+        summary_table(ROWS),
         "By the steps of the task:",
         steps_table(ROWS, "verified"),
         "Within a budget of simulated actions, or of seconds:",
