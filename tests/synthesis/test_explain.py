@@ -97,9 +97,7 @@ def test_all_conditions_can_be_asked() -> None:
     assert len(CONDITIONS) == len(set(CONDITIONS)) == 12
 
 
-@pytest.mark.parametrize(
-    "text", ["REPEAT R=6 r( TURN_LEFT MOVE_LEFT TURN_RIGHT r)", "REPEAT R=6 r( ATTACK r)"]
-)
+@pytest.mark.parametrize("body", ["TURN_LEFT MOVE_LEFT TURN_RIGHT", "ATTACK"])
 def test_a_long_run_is_explained_by_a_loop(memo: MemoRobot, body: str) -> None:
     program = Program.parse(f"DEF run m( REPEAT R=6 r( {body} r) m)")
     graphs, _ = graphs_of(program, memo, 3)
