@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from evaps.report import bench_table
+from recipes.pages import put
 
 ROWS = Path("results/bench.jsonl")
 PAGE = Path("docs/performance.md")
@@ -22,9 +23,7 @@ def make_rows() -> None:
 
 def make_table() -> None:
     """The page's table, from the rows."""
-    before, mark, rest = PAGE.read_text().partition(f"<!-- {ROWS} -->\n")
-    after = rest.partition("<!-- end -->")[2]
-    PAGE.write_text(f"{before}{mark}{bench_table(ROWS)}\n<!-- end -->{after}")
+    put(PAGE, str(ROWS), bench_table(ROWS))
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
 from evaps.train import train
 from evaps.train.scale import SCALES
+from recipes.pages import put
 
 DATA = Path("data/small")
 RUNS = Path("runs/small")
@@ -39,10 +40,15 @@ def make_checkpoints() -> None:
     """
     for method in ("encoder", "lgrl", "evaps"):
         train(method, DATA, RUNS, "small", SEED)
-        target = SHIPPED / "small" / method
-        target.mkdir(parents=True, exist_ok=True)
-        for name in ("config.json", "model.safetensors"):
-            shutil.copy(RUNS / method / name, target / name)
+        ship(method)
+
+
+def ship(method: str) -> None:
+    """Copy a checkpoint to those that come with evaps."""
+    target = SHIPPED / "small" / method
+    target.mkdir(parents=True, exist_ok=True)
+    for name in ("config.json", "model.safetensors"):
+        shutil.copy(RUNS / method / name, target / name)
 
 
 def make_rows() -> None:
@@ -52,11 +58,7 @@ def make_rows() -> None:
 
 def make_table() -> None:
     """The README's table, from the rows."""
-    readme = Path("README.md")
-    before, _, rest = readme.read_text().partition("<!-- results/small/rows.parquet -->\n")
-    _, _, after = rest.partition("<!-- end -->")
-    table = f"{summary_table(ROWS)}\n\n{difference_line(ROWS)}"
-    readme.write_text(f"{before}<!-- results/small/rows.parquet -->\n{table}\n<!-- end -->{after}")
+    put(Path("README.md"), str(ROWS), f"{summary_table(ROWS)}\n\n{difference_line(ROWS)}")
 
 
 def main() -> None:

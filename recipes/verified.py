@@ -15,35 +15,23 @@ from pathlib import Path
 from evaps.evaluate import evaluate
 from evaps.models import SHIPPED
 from evaps.report import answer_table, budget_table, confidence_table, steps_table, summary_table
-from evaps.robots.workers import Workers
-from evaps.tasks.build import generate
 from evaps.train import train
-from evaps.train.scale import SCALES
+from recipes.pages import put
+from recipes.small import DATA, RUNS, SEED, TEST_TASKS, make_data, ship
+from recipes.small import ROWS as SMALL_ROWS
 
-DATA = Path("data/small")
-RUNS = Path("runs/small")
 RESULTS = Path("results/small")
-OTHERS = RESULTS / "rows.parquet"  # LGRL's and EVAPS's, from `recipes.small`
 ROWS = RESULTS / "verified.parquet"
 PARTS = RESULTS / "verified-parts.parquet"
-SEED = 0
-TEST_TASKS, PART_TASKS = 1_000, 40
+PART_TASKS = 40
 WITHOUT = ("verified", "verified-no-guide", "verified-no-sharing", "verified-no-beam", "enumeration", "blind")
-
-
-def make_data() -> None:
-    """`evaps generate data/small --tasks 20000 --seed 0`: 15 minutes."""
-    generate(DATA, SCALES["small"].tasks, SEED, Workers(2))
 
 
 def make_checkpoint() -> None:
     """`evaps train inverse --data data/small --out runs/small` on the shipped encoder: 20 minutes."""
     shutil.copytree(SHIPPED / "small" / "encoder", RUNS / "encoder", dirs_exist_ok=True)
     train("inverse", DATA, RUNS, "small", SEED)
-    target = SHIPPED / "small" / "inverse"
-    target.mkdir(parents=True, exist_ok=True)
-    for name in ("config.json", "model.safetensors"):
-        shutil.copy(RUNS / "inverse" / name, target / name)
+    ship("inverse")
 
 
 def make_rows() -> None:
@@ -55,7 +43,7 @@ def make_rows() -> None:
 def tables() -> str:
     """The tables of docs/verified.md, from the rows."""
     parts = [
-        answer_table([OTHERS, ROWS]),
+        answer_table([SMALL_ROWS, ROWS]),
         "The first, the first five and the first twenty candidates, no two of which do the same (in %):",
         summary_table(ROWS),
         "By the steps of the task:",
@@ -72,14 +60,8 @@ def tables() -> str:
 
 def make_tables() -> None:
     """Put them into the page, and the first into README.md."""
-    _put(Path("docs/verified.md"), "verified", tables())
-    _put(Path("README.md"), "answers", answer_table([OTHERS, ROWS]))
-
-
-def _put(page: Path, mark: str, text: str) -> None:
-    before, _, rest = page.read_text().partition(f"<!-- {mark} -->\n")
-    after = rest.partition("<!-- end -->")[2]
-    page.write_text(f"{before}<!-- {mark} -->\n{text}\n<!-- end -->{after}")
+    put(Path("docs/verified.md"), "verified", tables())
+    put(Path("README.md"), "answers", answer_table([SMALL_ROWS, ROWS]))
 
 
 def main() -> None:

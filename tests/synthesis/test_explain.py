@@ -9,7 +9,8 @@ from evaps.dsl.sampler import PERCEPTION_KEYS, sample_program
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
-from evaps.synthesis.explain import CONDITIONS, Explainer, Graph, Limits, cost_of
+from evaps.synthesis.explain import CONDITIONS, Explainer, Limits, cost_of
+from evaps.synthesis.graph import Graph
 
 
 @pytest.fixture(scope="module")

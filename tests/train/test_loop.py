@@ -119,8 +119,11 @@ def test_it_stops_when_nothing_gets_better(tmp_path: Path) -> None:
 
 def test_metrics_are_written_for_tensorboard_on_request(tmp_path: Path) -> None:
     pytest.importorskip("tensorboard")
-    loss_at = lambda step, share: (model(torch.ones(2, 4)).square().mean(), {})  # noqa: E731
     model = new_model()
+
+    def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
+        return model(torch.ones(2, 4)).square().mean(), {}
+
     fit(model, loss_at, CONFIG, tmp_path, lambda: {"score": 1.0}, "score", tensorboard=True)
     assert list(tmp_path.rglob("events.out.tfevents.*"))
 

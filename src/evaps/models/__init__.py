@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from torch import nn
 
 from evaps.dsl import UserError
 from evaps.models.base import Repairer, Synthesizer
 from evaps.models.checkpoint import CheckpointError, fitting, load_weights, read_config
 from evaps.models.encoder import Encoder, EncoderConfig
 from evaps.models.inverse import InverseConfig, InverseModel
+
+Network = TypeVar("Network", bound=nn.Module)
 
 
 @dataclass(frozen=True)
@@ -135,10 +139,7 @@ def load_encoder(folder: Path) -> Encoder:
     Raises:
         CheckpointError: there is none, or it is of another version.
     """
-    config = read_config(folder, "encoder")["config"]
-    with fitting(folder):
-        encoder = Encoder(EncoderConfig(**{**config, "channels": tuple(config["channels"])}))
-    return load_weights(folder, encoder)
+    return _loaded(folder, "encoder", lambda **config: Encoder(EncoderConfig(**config)))
 
 
 def load_method(folder: Path, name: str) -> Synthesizer | Repairer:
@@ -147,10 +148,15 @@ def load_method(folder: Path, name: str) -> Synthesizer | Repairer:
     Raises:
         CheckpointError: there is none, or it is of another method or version.
     """
+    return _loaded(folder, name, lambda **config: new_method(name, **config))
+
+
+def _loaded(folder: Path, name: str, make: Callable[..., Network]) -> Network:
+    """A network of a checkpoint's configuration, with its weights; JSON's lists are tuples in it."""
     config = read_config(folder, name)["config"]
     with fitting(folder):
-        method = new_method(name, **config)
-    return load_weights(folder, method)
+        made = make(**{k: tuple(v) if isinstance(v, list) else v for k, v in config.items()})
+    return load_weights(folder, made)
 
 
 def model_folder(name: str | Path) -> Path:
@@ -174,10 +180,7 @@ def load_inverse(folder: Path) -> InverseModel:
     Raises:
         CheckpointError: there is none, or it is of another version.
     """
-    config = read_config(folder, "inverse")["config"]
-    with fitting(folder):
-        model = InverseModel(InverseConfig(**{**config, "hidden": tuple(config["hidden"])}))
-    return load_weights(folder, model)
+    return _loaded(folder, "inverse", lambda **config: InverseModel(InverseConfig(**config)))
 
 
 def load_model(name: str | Path = "small", method: str = VERIFIED) -> Model:

@@ -23,7 +23,7 @@ import psutil
 
 from evaps.robots.base import EngineError
 from evaps.robots.frames import Image
-from evaps.robots.guard import GUARD, shared_memory
+from evaps.robots.guard import GUARD, arguments_of, shared_memory
 from evaps.robots.wad import arena_wad, unpack
 
 WIDTH, HEIGHT = 160, 120
@@ -61,7 +61,7 @@ class Engine:
         with self._at_its_core():  # which its process inherits
             self.game = start_engine(wad)
         self.pid = _pid_of(wad)
-        GUARD.add(files.name, self.pid, shared_memory(_arguments(self.pid)))
+        GUARD.add(files.name, self.pid, shared_memory(arguments_of(self.pid)))
         self._watch = _Watch(self.pid, time_limit)
         self.close = weakref.finalize(self, _end, self.game, files, self._watch, os.getpid())
         """End the process."""
@@ -134,12 +134,6 @@ def _end(game: Any, files: tempfile.TemporaryDirectory[str], watch: _Watch, owne
     game.close()
     files.cleanup()
     GUARD.remove(files.name)
-
-
-def _arguments(pid: int | None) -> list[str]:
-    with suppress(psutil.Error, OSError):
-        return list(psutil.Process(pid).cmdline())
-    return []
 
 
 def _pid_of(wad: Path) -> int | None:

@@ -75,7 +75,7 @@ def watch(lines: Iterable[str]) -> None:
             for pid, arguments in _engines_of(folder):
                 shared += shared_memory(arguments)
                 _kill(pid)
-        elif folder in " ".join(_arguments(engine["pid"])):  # it is no other process with its number
+        elif folder in " ".join(arguments_of(engine["pid"])):  # it is no other process with its number
             _kill(engine["pid"])
         for path in shared:
             with suppress(OSError):
@@ -93,13 +93,14 @@ def _engines_of(folder: str) -> Iterator[tuple[int, list[str]]]:
     """Engines that were started with a folder; one may turn up only in a moment."""
     for _ in range(10):
         for pid in (int(name) for name in os.listdir("/proc") if name.isdecimal()):
-            arguments = _arguments(pid)
+            arguments = arguments_of(pid)
             if "+viz_instance_id" in arguments and folder in " ".join(arguments):
                 yield pid, arguments
         time.sleep(0.1)
 
 
-def _arguments(pid: int) -> list[str]:
+def arguments_of(pid: int | None) -> list[str]:
+    """How a process was started; nothing if it is not there, or cannot be seen."""
     try:
         with open(f"/proc/{pid}/cmdline") as file:
             return file.read().split("\0")

@@ -8,10 +8,11 @@ from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.synthesis.best_first import synthesize_best_first
 from evaps.synthesis.blind import synthesize_blindly
+from evaps.synthesis.budget import USUAL_BUDGET, Budget
 from evaps.synthesis.enumeration import synthesize_by_enumeration
 from evaps.synthesis.repair import ROUNDS, synthesize_with
 from evaps.synthesis.solution import Attempt, Candidate, Solution
-from evaps.synthesis.verified import ALL_PARTS, USUAL_BUDGET, Budget, Parts, synthesize_verified
+from evaps.synthesis.verified import ALL_PARTS, Parts, synthesize_verified
 from evaps.tasks.task import EXAMPLES, Task
 
 __all__ = ["Attempt", "Budget", "Candidate", "Solution", "solve", "synthesize", "synthesize_with"]

@@ -9,13 +9,13 @@ candidate on its own instead.
 from __future__ import annotations
 
 import heapq
-import time
 from itertools import count
 
 from evaps.dsl import Program
 from evaps.models import Model
 from evaps.models.compute import autocast
 from evaps.robots.memo import MemoRobot
+from evaps.synthesis.budget import Meter
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.repair import BEAM, propose
 from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt_all
@@ -39,7 +39,7 @@ def synthesize_best_first(
     """
     repairer = model.repairer
     assert repairer is not None
-    start, simulated = time.perf_counter(), robot.simulated_actions
+    meter = Meter(robot)
     table = FeatureTable(model.encoder)
     order = count()
     seen: dict[Program, Candidate] = {}
@@ -63,5 +63,4 @@ def synthesize_best_first(
             push(repairer.repairs(executions, table.table, beam)[0], best.attempts)
     ranked = sorted(seen.values(), key=lambda c: (-c.final.pairs_passed, c.rank))[:top_k]
     answers = tuple(Candidate(c.attempts, rank, c.origin) for rank, c in enumerate(ranked))
-    spent = robot.simulated_actions - simulated
-    return Solution(task.name, answers, spent, time.perf_counter() - start, answers)
+    return Solution(task.name, answers, meter.actions, meter.seconds, answers)

@@ -6,8 +6,6 @@ free for it, too, and a program that fails in one scene is not run in the others
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from evaps.dsl import Program
@@ -15,8 +13,8 @@ from evaps.dsl.sampler import sample_program
 from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot
 from evaps.robots.together import run_together
+from evaps.synthesis.budget import USUAL_BUDGET, Budget, Meter
 from evaps.synthesis.solution import Candidate, Solution, attempt_all
-from evaps.synthesis.verified import USUAL_BUDGET, Budget
 from evaps.tasks.task import Task
 
 DRAWN_TOGETHER = 50  # programs
@@ -33,7 +31,7 @@ def synthesize_blindly(
         budget: what it may cost.
         seed: of the programs.
     """
-    start, simulated = time.perf_counter(), robot.simulated_actions
+    meter = Meter(robot)
     rng = np.random.default_rng(seed)
     best: tuple[int, Program] | None = None
     over = False
@@ -41,12 +39,10 @@ def synthesize_blindly(
         for passed, program in _furthest([sample_program(rng) for _ in range(DRAWN_TOGETHER)], task, robot):
             if best is None or passed > best[0]:
                 best = passed, program
-        late = time.perf_counter() - start > budget.seconds
-        over = late or robot.simulated_actions - simulated >= budget.actions
+        over = meter.exceeds(budget)
     programs = [best[1]] if best else []
     candidates = tuple(Candidate((a,), 0, "blind") for a in attempt_all(programs, task, robot))
-    spent = robot.simulated_actions - simulated
-    return Solution(task.name, candidates, spent, time.perf_counter() - start, candidates)
+    return Solution(task.name, candidates, meter.actions, meter.seconds, candidates)
 
 
 def _furthest(programs: list[Program], task: Task, robot: MemoRobot) -> list[tuple[int, Program]]:

@@ -7,7 +7,6 @@ all scenes, by whatever way, only the cheapest is extended.
 from __future__ import annotations
 
 import heapq
-import time
 from itertools import count
 
 from evaps.dsl import Program
@@ -16,9 +15,9 @@ from evaps.dsl.sampler import ACTIONS, COUNTS, MAX_TOKENS, PERCEPTIONS
 from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot
 from evaps.robots.together import run_together
+from evaps.synthesis.budget import USUAL_BUDGET, Budget, Meter
 from evaps.synthesis.explain import CONDITIONS, cost_of
 from evaps.synthesis.solution import Candidate, Solution, attempt_all
-from evaps.synthesis.verified import USUAL_BUDGET, Budget
 from evaps.tasks.task import Task
 
 SINGLE = tuple((Action(name),) for name in ACTIONS)
@@ -40,7 +39,7 @@ def synthesize_by_enumeration(task: Task, robot: MemoRobot, budget: Budget = USU
         robot: where programs run.
         budget: what it may cost.
     """
-    start, simulated = time.perf_counter(), robot.simulated_actions
+    meter = Meter(robot)
     goals = [digest(example.goal) for example in task.examples]
     order = count()
     queue: list[tuple[int, int, Body]] = [(0, next(order), ())]
@@ -62,9 +61,7 @@ def synthesize_by_enumeration(task: Task, robot: MemoRobot, budget: Budget = USU
                 passed = sum(digest(end) == goal for end, goal in zip(ends, goals, strict=True))
                 if best is None or passed > best[0]:
                     best = passed, program
-        late = time.perf_counter() - start > budget.seconds
-        over = late or robot.simulated_actions - simulated >= budget.actions
+        over = meter.exceeds(budget)
     found = attempt_all([best[1]], task, robot) if best else []
     candidates = tuple(Candidate((attempt,), 0, "enumeration") for attempt in found)
-    spent = robot.simulated_actions - simulated
-    return Solution(task.name, candidates, spent, time.perf_counter() - start, candidates)
+    return Solution(task.name, candidates, meter.actions, meter.seconds, candidates)

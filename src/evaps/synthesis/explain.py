@@ -11,14 +11,15 @@ from __future__ import annotations
 import heapq
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import count
+from dataclasses import dataclass, replace
+from itertools import count, product
 from typing import ClassVar
 
 from evaps.dsl import Program
 from evaps.dsl.nodes import Action, Body, Condition, If, IfElse, Not, Repeat, Statement, While
 from evaps.dsl.sampler import COUNTS, MAX_TOKENS, PERCEPTIONS
 from evaps.robots.memo import Node
+from evaps.synthesis.graph import Graph
 
 # Costs are about -log2 of what a construct has as a probability in a random program (`evaps.dsl.sampler`).
 ACTION, BRANCH, LOOP = 4, 5, 5
@@ -70,49 +71,6 @@ class Split:
             next(one) if is_in else (next(other) if otherwise else node)
             for node, is_in in zip(self.state, self.mask, strict=True)
         )
-
-
-@dataclass
-class Graph:
-    """What is known of a scene, cut down to what leads to a goal.
-
-    Attributes:
-        root: where a program starts.
-        goals: where it has to end.
-        ways: from each place the actions that lead on, and where to.
-        distance: from each place the fewest actions to a goal.
-    """
-
-    root: Node
-    goals: frozenset[Node]
-    ways: dict[Node, dict[str, Node]] = field(default_factory=dict)
-    distance: dict[Node, int] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, root: Node, goals: Sequence[Node], slack: int = 4) -> Graph:
-        """The places on ways to a goal that are at most so much longer than the shortest one."""
-        found = cls(root, frozenset(goals))
-        back: dict[Node, set[Node]] = defaultdict(set)
-        depth = {root: 0}
-        queue = [root]
-        for node in queue:
-            for child in node.children.values():
-                back[child].add(node)
-                if child not in depth:
-                    depth[child] = depth[node] + 1
-                    queue.append(child)
-        distance = {goal: 0 for goal in goals if goal in depth}
-        queue = list(distance)
-        for node in queue:
-            for parent in back[node]:
-                if parent not in distance:
-                    distance[parent] = distance[node] + 1
-                    queue.append(parent)
-        most = distance.get(root, -1) + slack
-        found.distance = {n: d for n, d in distance.items() if depth[n] + d <= most}
-        for node in found.distance:
-            found.ways[node] = {a: c for a, c in node.children.items() if c in found.distance}
-        return found
 
 
 @dataclass(frozen=True)
@@ -219,17 +177,17 @@ class Explainer:
                     reverse[action][child].append(node)
             into.append(reverse)
         found: dict[State, int] = {}
-        level = list(_product([list(graph.goals) for graph in self.graphs]))
+        level = list(product(*(graph.goals for graph in self.graphs)))
         length = 0
         while level and len(found) < 20_000:
-            new = []
+            new: list[State] = []
             for state in level:
                 if state not in found:
                     found[state] = length
                     for action in into[0]:
                         before = [reverse[action].get(n, []) for reverse, n in zip(into, state, strict=True)]
                         if all(before):
-                            new += list(_product(before))
+                            new += product(*before)
             level, length = new, length + ACTION
         return found
 
@@ -387,15 +345,6 @@ class Explainer:
         if found is None:
             found = self._true[node] = node.view.perceptions
         return found
-
-
-def _product(choices: Sequence[Sequence[Node]]) -> Iterator[State]:
-    if not choices:
-        yield ()
-        return
-    for node in choices[0]:
-        for rest in _product(choices[1:]):
-            yield (node, *rest)
 
 
 def _with_other_conditions(body: Body) -> Iterator[Body]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 import torch
@@ -13,6 +12,7 @@ from evaps.models.base import Repairer
 from evaps.models.beam import Proposal, beam_search
 from evaps.models.compute import autocast
 from evaps.robots.memo import MemoRobot
+from evaps.synthesis.budget import Meter
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt_all, best_first
 from evaps.tasks.task import Task
@@ -75,7 +75,7 @@ def synthesize_with(
     :attr:`Solution.candidates` are best first, each as far as its best attempt; :attr:`Candidate.rank` keeps
     the synthesizer's order. In :attr:`Solution.all_candidates` each has all its attempts.
     """
-    start, simulated = time.perf_counter(), robot.simulated_actions
+    meter = Meter(robot)
     table = FeatureTable(model.encoder)
     proposals = propose(model, table, task, robot, max(beam, top_k))[:top_k]
     chains = [[attempt] for attempt in attempt_all([p.program for p in proposals], task, robot)]
@@ -83,8 +83,7 @@ def synthesize_with(
         repair_all(model.repairer, chains, task, table, robot, rounds)
     answers = best_first([_candidate(model, _until_best(chain), rank) for rank, chain in enumerate(chains)])
     last = tuple(_candidate(model, chain, rank) for rank, chain in enumerate(chains))
-    simulated = robot.simulated_actions - simulated
-    return Solution(task.name, answers, simulated, time.perf_counter() - start, last)
+    return Solution(task.name, answers, meter.actions, meter.seconds, last)
 
 
 def _until_best(chain: Sequence[Attempt]) -> Sequence[Attempt]:

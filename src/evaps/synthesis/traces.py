@@ -16,8 +16,8 @@ from evaps.dsl.sampler import ACTIONS
 from evaps.models.inverse import AXES, InverseModel, effect
 from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot, Node
-from evaps.synthesis.explain import Graph
 from evaps.synthesis.features import FeatureTable
+from evaps.synthesis.graph import Graph
 from evaps.tasks.task import Example, Task
 
 WEIGHT = 1.5  # of the estimate against what was done already: in a hurry to arrive

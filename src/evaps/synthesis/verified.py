@@ -10,7 +10,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -20,11 +19,14 @@ import numpy as np
 from evaps.dsl import Program
 from evaps.models import Model
 from evaps.robots.base import Scene
+from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
 from evaps.robots.together import run_together
-from evaps.synthesis.explain import Explainer, Graph, Limits, cost_of
+from evaps.synthesis.budget import USUAL_BUDGET, Budget, Meter
+from evaps.synthesis.explain import Explainer, Limits, cost_of
 from evaps.synthesis.features import FeatureTable
+from evaps.synthesis.graph import Graph
 from evaps.synthesis.repair import propose
 from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt_all
 from evaps.synthesis.traces import TraceSearch, one_edit_away, with_detour, with_loop
@@ -40,19 +42,6 @@ NOTHING_FOUND = Program.parse("DEF run m( TURN_LEFT m)")
 PROBES = 4  # further scenes on which programs are compared
 PROBED = 20  # programs that are
 DEARER = 1.5  # so many times less does a program count for each bit that it costs: 2 if the prior were exact
-
-
-@dataclass(frozen=True)
-class Budget:
-    """What a search may cost; it ends soon after either is spent.
-
-    Attributes:
-        actions: that the robot executes.
-        seconds: on the clock.
-    """
-
-    actions: int = 3_500
-    seconds: float = 8.0
 
 
 @dataclass(frozen=True)
@@ -75,7 +64,7 @@ Ends = tuple[object, ...]
 Doubt = tuple[Scene, Program] | None
 """A scene, and a program that ends otherwise there than the answer."""
 
-USUAL_BUDGET, ALL_PARTS = Budget(), Parts()
+ALL_PARTS = Parts()
 
 
 def synthesize_verified(
@@ -105,21 +94,15 @@ class _Search:
     def __init__(self, model: Model, task: Task, robot: MemoRobot, budget: Budget, parts: Parts) -> None:
         assert model.inverse is not None
         self.model, self.task, self.robot, self.budget, self.parts = model, task, robot, budget, parts
-        self._start, self._simulated = time.perf_counter(), robot.simulated_actions
+        self.meter = Meter(robot)
         self.table = FeatureTable(model.encoder)
         self.traces = TraceSearch(task, robot, self.table, model.inverse, parts.guide, parts.sharing)
         self.proposals: list[Program] = []
 
     @property
-    def spent(self) -> int:
-        """Actions that were executed."""
-        return self.robot.simulated_actions - self._simulated
-
-    @property
     def over(self) -> bool:
         """Whether the budget is spent."""
-        late = time.perf_counter() - self._start > self.budget.seconds
-        return late or self.spent >= self.budget.actions
+        return self.meter.exceeds(self.budget)
 
     def solution(self, top_k: int, seed: int) -> Solution:
         """Search, choose, and say what it has cost."""
@@ -129,15 +112,15 @@ class _Search:
         attempts.sort(key=lambda a: (-a.pairs_passed, cost_of(a.program)))
         kept, confidence, doubt = self.choose(attempts[:PROBED], top_k, seed)
         candidates = tuple(Candidate((a,), rank, ORIGIN) for rank, a in enumerate(kept))
-        seconds = time.perf_counter() - self._start
-        return Solution(self.task.name, candidates, self.spent, seconds, candidates, confidence, doubt)
+        spent, seconds = self.meter.actions, self.meter.seconds
+        return Solution(self.task.name, candidates, spent, seconds, candidates, confidence, doubt)
 
     def reach_goals(self) -> None:
         """Find a way to the goal in every scene."""
         plans = self._plans()
         plan = next(plans)
         while not self.traces.complete and not self.over:
-            if self.spent >= plan[0]:
+            if self.meter.actions >= plan[0]:
                 plan[1]()
                 plan = next(plans)
             if not self.traces.step():
@@ -171,8 +154,11 @@ class _Search:
 
     def try_beam(self) -> None:
         """Where the synthesizer's candidates lead."""
-        self.proposals = [p.program for p in propose(self.model, self.table, self.task, self.robot)]
+        self._propose()
         self._try(self.proposals)
+
+    def _propose(self) -> None:
+        self.proposals = [p.program for p in propose(self.model, self.table, self.task, self.robot)]
 
     def try_explanations(self) -> None:
         """Where programs lead that explain the scenes in which the goal was reached."""
@@ -207,14 +193,10 @@ class _Search:
     def explain_some(self) -> list[Program]:
         """Programs for the scenes where the goal was reached, or for all but one, and LGRL's candidates."""
         reached = [i for i, scene in enumerate(self.traces.scenes) if scene.goals]
-        parts = (
-            [reached]
-            if len(reached) < len(self.traces.scenes)
-            else list(combinations(reached, len(reached) - 1))
-        )
+        parts = combinations(reached, min(len(reached), len(self.traces.scenes) - 1))
         programs = [p for part in parts if part for p in self._explainer(part, SOME).programs()]
         if not self.proposals and self.parts.beam:
-            self.proposals = [p.program for p in propose(self.model, self.table, self.task, self.robot)]
+            self._propose()
         return list(dict.fromkeys([*programs, *self.proposals])) or [NOTHING_FOUND]
 
     def _explainer(self, scenes: Sequence[int], limits: Limits) -> Explainer:
@@ -264,7 +246,7 @@ class _Search:
         ends: list[list[object]] = [[] for _ in programs]
         for traces in by_scene:
             for end, trace in zip(ends, traces, strict=True):
-                seen = trace.observations[-1].digest if trace.halted else object()  # type: ignore[attr-defined]
+                seen = digest(trace.observations[-1]) if trace.halted else object()
                 end.append(seen)  # who does not halt is like nobody
         return [tuple(end) for end in ends]
 
