@@ -6,9 +6,10 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 TORCH := $(shell grep '^torch==' constraints.txt)
 ARGS ?=
+SCALE ?= small
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format clean
+.PHONY: help demo test paper lint format clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -20,6 +21,9 @@ demo: $(VENV)/.core  ## synthesize programs for the shipped tasks and write a pa
 # Every pytest worker is a process of its own, so one thread each is what two cores can bear.
 test: lint  ## style, types and the whole suite (ARGS="-k beam" for a part)
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest $(ARGS)
+
+paper: $(VENV)/.dev  ## the paper's evaluation: every table and figure (SCALE=smoke|small|paper)
+	$(BIN)/python -m recipes.paper --scale $(SCALE) $(ARGS)
 
 lint: $(VENV)/.dev  ## style and types
 	$(BIN)/ruff check .

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from evaps.report import bench_table
+from evaps.report.summary import bench_table
 from recipes.pages import put
 
 ROWS = Path("results/bench.jsonl")

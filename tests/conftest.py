@@ -1,12 +1,16 @@
-"""A remembering robot for a whole file."""
+"""A remembering robot for a whole file, and modules that tests of several rooms import."""
 
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
+
+sys.path.append(str(Path(__file__).parent))  # `rows`
 
 
 @pytest.fixture(scope="module")

@@ -93,6 +93,29 @@ class TestOnTheEngine:
         for part in (python, "halted: 2 actions", "TURN_LEFT ATTACK", "ammunition 49", "Demon"):
             assert part in done.stdout
 
+    def test_a_run_can_be_filmed(self, folder: Path) -> None:
+        done = evaps("run", "--program", "program", "--scene", "scene", "--film", "a.gif", folder=folder)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert (folder / "a.gif").read_bytes().startswith(b"GIF89a")
+
+    @pytest.mark.parametrize(
+        ("form", "start"), [("python", '"""A robot program'), ("behavior-tree", "<?xml")]
+    )
+    def test_export_writes_to_a_file_and_to_standard_output(
+        self, folder: Path, form: str, start: str
+    ) -> None:
+        shown = evaps("export", "--program", "-", "--to", form, folder=folder, stdin=PROGRAM)
+        assert shown.stdout.startswith(start)
+        evaps("export", "--program", "-", "--to", form, "--out", "out/file", folder=folder, stdin=PROGRAM)
+        assert (folder / "out" / "file").read_text() == shown.stdout
+
+    def test_doctor_finds_this_machine_well(self, folder: Path) -> None:
+        done = evaps("doctor", "--json", folder=folder)
+        assert (done.returncode, done.stderr) == (0, "")
+        found = {row["what"]: row for row in map(json.loads, done.stdout.splitlines())}
+        assert all(row["well"] for row in found.values() if row["needed"])
+        assert "120 x 160" in found["engine"]["found"]
+
     def test_a_run_that_does_not_halt_is_no_error(self, folder: Path) -> None:
         done = evaps("run", "--program", "-", "--scene", "overlap", folder=folder, stdin=ENDLESS)
         assert done.returncode == 2, "the scene is refused before the engine starts"

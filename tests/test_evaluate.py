@@ -1,18 +1,16 @@
 """Evaluation: what a match is, and that statistics do what they say."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from rows import results_of, rows
 
 from evaps.dsl import Program, run
 from evaps.dsl.sampler import PERCEPTION_KEYS
-from evaps.evaluate import SCHEMA, match
-from evaps.metrics import answers, paired_difference, summarize
+from evaps.evaluate import match
+from evaps.metrics import bootstrap
 from evaps.robots.base import Pose, Scene, Thing
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
-from evaps.tasks.dataset import write_table
 from evaps.tasks.task import GoldTask, Outcome
 
 GOLD = Program.parse("DEF run m( MOVE_FORWARD MOVE_LEFT IF c( INTARGET Demon c) i( TURN_LEFT i) m)")
@@ -60,51 +58,45 @@ def test_the_three_metrics(
     assert found.generalization_state == found.generalization_frame == generalization
 
 
-def rows(method: str, ranks_that_match: list[int | None]) -> list[dict[str, object]]:
-    blank = dict(seed=0, scale="test", commit="", weights="", evaluated_by="", machine="", dataset_seed=0)
-    blank |= dict(steps=2, program="", pairs_passed=0, rounds=0)
-    cost = dict(simulated_actions=10, seconds=1.0, semantic_frame=False, generalization_frame=False)
-    return [
-        {
-            **blank,
-            **cost,
-            "method": method,
-            "task": task,
-            "rank": rank,
-            **dict.fromkeys(("exact", "semantic_state", "generalization_state"), rank == right),
-        }
-        for task, right in enumerate(ranks_that_match)
-        for rank in range(20)
-    ]
+def test_top_k_counts_a_task_once_any_of_its_first_k_matches() -> None:
+    results = results_of(rows("lgrl", [0, 4, 5, 19, None]), rows("evaps", [0, 0, 0, 0, None]))
+    assert [float(results.top("lgrl", "exact", k)[0]) for k in (1, 5, 20)] == [20, 40, 80]
+    assert [float(results.top("evaps", "exact", k)[0]) for k in (1, 5, 20)] == [80, 80, 80]
+    assert len(results.first("lgrl").tasks) == 5
 
 
-def test_top_k_counts_a_task_once_any_of_its_first_k_matches(tmp_path: Path) -> None:
-    path = tmp_path / "rows.parquet"
-    write_table(path, rows("lgrl", [0, 4, 5, 19, None]) + rows("evaps", [0, 0, 0, 0, None]), SCHEMA)
-    lgrl, evaps = summarize(path)
-    assert [lgrl[f"exact@{k}"] for k in (1, 5, 20)] == [20, 40, 80]
-    assert [evaps[f"exact@{k}"] for k in (1, 5, 20)] == [80, 80, 80]
-    assert lgrl["tasks"] == 5
-
-
-def test_the_answer_is_the_first_of_those_that_pass_most_pairs(tmp_path: Path) -> None:
+def test_the_answer_is_the_first_of_those_that_pass_most_pairs() -> None:
     made = rows("lgrl", [3, 3, 0])
     passed = {(0, 3): 5, (0, 7): 5, (1, 2): 4, (1, 5): 4}  # task and rank
     for row in made:
         row["pairs_passed"] = passed.get((row["task"], row["rank"]), 1)
-    write_table(tmp_path / "rows.parquet", made, SCHEMA)
-    assert answers(tmp_path / "rows.parquet", "lgrl") == {0: True, 1: False, 2: True}
-    assert summarize(tmp_path / "rows.parquet")[0]["answer"] == pytest.approx(200 / 3)
+    assert results_of(made).first("lgrl").answered().tolist() == [True, False, True]
 
 
-def test_the_bootstrap_interval_covers_zero_exactly_when_it_should(tmp_path: Path) -> None:
-    path = tmp_path / "rows.parquet"
+def test_the_bootstrap_interval_covers_zero_exactly_when_it_should() -> None:
     rng = np.random.default_rng(0)
     a = [0 if x < 0.5 else None for x in rng.random(300)]
     b = [0 if x < 0.5 else None for x in rng.random(300)]
     better = [0 if x == 0 or rng.random() < 0.3 else None for x in a]
-    write_table(path, rows("a", a) + rows("b", b) + rows("better", better), SCHEMA)
-    mean, low, high = paired_difference(path, "better", "a", "exact", 1, draws=2000)
-    assert 0 < low < mean < high < 30
-    mean, low, high = paired_difference(path, "b", "a", "exact", 1, draws=2000)
-    assert low < 0 < high
+    results = results_of(rows("a", a), rows("b", b), rows("better", better))
+    found = results.difference("better", "a", "exact", 1, draws=2000)
+    assert 0 < found.low < found.mean < found.high < 30
+    assert found.certain
+    found = results.difference("b", "a", "exact", 1, draws=2000)
+    assert found.low < 0 < found.high
+    assert not found.certain
+
+
+def test_seeds_are_kept_apart_and_averaged() -> None:
+    results = results_of(rows("a", [0, None], 0), rows("a", [0, 0], 1), rows("b", [None, None], 0))
+    assert results.top("a", "exact", 1).tolist() == [50, 100]
+    assert results.difference("a", "b", "exact", 1, draws=100).mean == 50, "on the seed that both have"
+    with pytest.raises(ValueError, match="not judged on the same tasks"):
+        results_of(rows("a", [0]), rows("b", [0, 0])).difference("a", "b", "exact", 1)
+
+
+def test_the_interval_is_as_wide_as_theory_says() -> None:
+    values = np.where(np.random.default_rng(1).random((1, 1000)) < 0.3, 100.0, 0.0)
+    found = bootstrap(values)
+    error = 1.96 * values.std() / 1000**0.5
+    assert (found.high - found.low) / 2 == pytest.approx(error, rel=0.1)

@@ -19,6 +19,7 @@ FLOORS = [
     {"synthesis"},
     {"train", "evaluate", "metrics"},
     {"report", "viewer", "bench"},
+    {"doctor"},
     {"cli", "recipes"},
     {"__main__"},
 ]

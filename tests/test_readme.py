@@ -8,17 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from evaps.report import answer_table, bench_table, difference_line, summary_table
+from evaps.report.summary import answer_table, bench_table
 from recipes import verified
+from recipes.paper import readme_table
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
-ROWS = ROOT / "results" / "small" / "rows.parquet"
 
 
 def test_the_figures_are_those_of_the_committed_rows() -> None:
-    shown = README.split("<!-- results/small/rows.parquet -->")[1].split("<!-- end -->")[0]
-    assert shown.strip() == f"{summary_table(ROWS)}\n\n{difference_line(ROWS)}"
+    shown = README.split("<!-- results/small/methods -->")[1].split("<!-- end -->")[0]
+    assert shown.strip() == readme_table(ROOT / "results" / "small")
 
 
 def test_the_figures_of_the_benchmark_are_those_of_the_committed_rows() -> None:
@@ -31,7 +31,7 @@ def test_the_figures_of_verified_synthesis_are_those_of_the_committed_rows() -> 
     page = (ROOT / "docs" / "verified.md").read_text()
     assert page.split("<!-- verified -->")[1].split("<!-- end -->")[0].strip() == verified.tables()
     shown = README.split("<!-- answers -->")[1].split("<!-- end -->")[0]
-    assert shown.strip() == answer_table([verified.SMALL_ROWS, verified.ROWS])
+    assert shown.strip() == answer_table([verified.METHODS, verified.ROWS])
 
 
 def test_every_command_it_shows_exists() -> None:

@@ -25,7 +25,7 @@ from evaps.robots.frames import frame_match
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import TWO, Workers
 from evaps.synthesis import SPARES, Budget, solve
-from evaps.synthesis.solution import Solution
+from evaps.synthesis.solution import Attempt, Solution
 from evaps.tasks.dataset import SPLITS, Dataset, TaskPart, rows_bytes, table_bytes, task_parts
 from evaps.tasks.files import read_table
 from evaps.tasks.identity import code_version, short_hash
@@ -37,6 +37,14 @@ PART = 25  # tasks in a part
 BUDGET = Budget(seconds=math.inf)  # what comes out must not depend on how busy the machine is
 ROBOT = replace(USUAL_ROBOT, spares=SPARES)
 
+ATTEMPT = pa.struct(
+    {
+        "program": pa.string(),
+        "pairs_passed": pa.int32(),
+        "semantic_state": pa.bool_(),
+        "generalization_state": pa.bool_(),
+    }
+)
 SCHEMA = pa.schema(
     {
         "method": pa.string(),
@@ -47,6 +55,7 @@ SCHEMA = pa.schema(
         "evaluated_by": pa.string(),  # commit of the evaluating code
         "machine": pa.string(),
         "dataset_seed": pa.int64(),
+        "noise": pa.float32(),  # share of the pixels that were invalid
         "task": pa.int64(),
         "steps": pa.int32(),
         "rank": pa.int32(),
@@ -58,6 +67,7 @@ SCHEMA = pa.schema(
         "generalization_frame": pa.bool_(),
         "pairs_passed": pa.int32(),
         "rounds": pa.int32(),
+        "attempts": pa.list_(ATTEMPT),  # the proposal, and what it was after each round of repair
         "simulated_actions": pa.int64(),
         "seconds": pa.float32(),
         "confidence": pa.float32(),  # of verified synthesis in its answer; else null
@@ -97,6 +107,7 @@ class EvaluationPart:
     facts: dict[str, dict[str, Any]]
     top_k: int
     rounds: int
+    noise: float
 
     @property
     def path(self) -> Path:
@@ -114,10 +125,11 @@ def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> Files:
     rows: list[dict[str, Any]] = []
     for gold in part.tasks.golds():
         solutions = {}
+        task = gold.task.with_noise(part.noise) if part.noise else gold.task
         for method in part.facts:
             robot.forget()
             model = _model(part.model, method)
-            solutions[method] = solve(model, gold.task, robot, part.top_k, part.rounds, BUDGET)
+            solutions[method] = solve(model, task, robot, part.top_k, part.rounds, BUDGET)
         for method, solution in solutions.items():
             rows += _rows(solution, gold, robot, part.facts[method])
     return {part.path: rows_bytes(rows, SCHEMA)}
@@ -151,6 +163,7 @@ def _facts(model: str, method: str, dataset: Dataset) -> dict[str, Any]:
 def _rows(
     solution: Solution, gold: GoldTask, robot: MemoRobot, facts: dict[str, Any]
 ) -> list[dict[str, Any]]:
+    judged = cache(lambda program: match(program, gold, robot))
     return [
         {
             **facts,
@@ -158,15 +171,25 @@ def _rows(
             "steps": gold.steps,
             "rank": candidate.rank,
             "program": str(candidate.program),
-            **vars(match(candidate.program, gold, robot)),
+            **vars(judged(candidate.program)),
             "pairs_passed": candidate.final.pairs_passed,
             "rounds": len(candidate.attempts) - 1,
+            "attempts": [_attempt(a, judged(a.program)) for a in candidate.attempts],
             "simulated_actions": solution.simulated_actions,
             "seconds": solution.seconds,
             "confidence": solution.confidence,
         }
         for candidate in sorted(solution.all_candidates, key=lambda c: c.rank)
     ]
+
+
+def _attempt(attempt: Attempt, found: Match) -> dict[str, Any]:
+    return {
+        "program": str(attempt.program),
+        "pairs_passed": attempt.pairs_passed,
+        "semantic_state": found.semantic_state,
+        "generalization_state": found.generalization_state,
+    }
 
 
 def evaluate(
@@ -179,6 +202,7 @@ def evaluate(
     top_k: int = 20,
     rounds: int = 5,
     workers: Workers = TWO,
+    noise: float = 0.0,
 ) -> Path:
     """Judge methods on the first tasks of a split, or go on where it was interrupted.
 
@@ -192,6 +216,7 @@ def evaluate(
         top_k: candidates of a task.
         rounds: of repair.
         workers: who does it.
+        noise: share of the pixels that are invalid in all that methods see.
 
     Raises:
         UserError: unknown method or split.
@@ -205,10 +230,10 @@ def evaluate(
     positions = dataset.split(split)[:tasks]
     if not positions:
         raise UserError(f"the data set has no task in the split {split!r}; generate a larger one")
-    facts = {method: _facts(model, method, dataset) for method in methods}
+    facts = {method: {**_facts(model, method, dataset), "noise": noise} for method in methods}
     folder = out.with_suffix(f".parts-{short_hash([dataset.identity, facts, positions, top_k, rounds])}")
     parts = [
-        EvaluationPart(part, model, facts, top_k, rounds)
+        EvaluationPart(part, model, facts, top_k, rounds, noise)
         for part in task_parts(folder, dataset, positions, PART)
     ]
 

@@ -8,7 +8,7 @@ from torch.nn import functional as F
 from evaps.dsl import VOCAB, Program
 from evaps.dsl.sampler import sample_program
 from evaps.models.latent_execution import LatentExecution, LatentExecutionConfig
-from evaps.train.synthesizers import collate, lesson
+from evaps.train.lessons import Lessons
 
 PROGRAM = Program.parse("DEF run m( MOVE_LEFT IF c( not c( ISTHERE Demon c) c) i( ATTACK i) TURN_LEFT m)")
 
@@ -27,7 +27,8 @@ def test_the_executor_runs_where_a_statement_ends_and_only_there() -> None:
 def test_the_last_state_comes_to_agree_with_the_output() -> None:
     torch.manual_seed(0)
     rng = np.random.default_rng(0)
-    tokens, masks = collate([lesson(VOCAB.encode(sample_program(rng).tokens)) for _ in range(16)])
+    lessons = Lessons.of([VOCAB.encode(sample_program(rng).tokens) for _ in range(16)])
+    tokens, masks = lessons.batch(range(16))
     features = F.normalize(torch.randn(16, 5, 2, 32), dim=-1) * 4
     net = LatentExecution(LatentExecutionConfig(feature=32, pair=64, hidden=64, dropout=0.0, agreement=1.0))
 

@@ -46,7 +46,7 @@ def test_every_action_counts_on_an_axis() -> None:
 
 def test_what_is_left_is_an_expectation() -> None:
     torch.manual_seed(0)
-    model = InverseModel(InverseConfig(feature=8, hidden=(16, 16), most=2)).eval()
+    model = InverseModel(InverseConfig(feature=8, pair=16, most=2)).eval()
     before, after = torch.randn(3, 8), torch.randn(3, 8)
     shares = model(before, after).softmax(-1).detach().numpy()
     counts = np.arange(-2, 3)
@@ -60,7 +60,7 @@ def test_what_is_left_is_an_expectation() -> None:
 
 def test_it_learns_counts() -> None:
     torch.manual_seed(0)
-    model = InverseModel(InverseConfig(feature=8, hidden=(64, 64), most=3))
+    model = InverseModel(InverseConfig(feature=8, pair=64, most=3))
     optimizer = torch.optim.Adam(model.parameters(), lr=3e-3)
     wanted = torch.randint(-3, 4, (256, len(AXES)))
     before = torch.randn(256, 8)

@@ -14,6 +14,10 @@ from evaps.robots.base import EngineError
 DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
+class Failure(Exception):  # noqa: N818 - a job's honest end
+    """A job came to a bad end that is no mistake in the code; the message says why, in one line."""
+
+
 class Command(ABC):
     """A command: a frozen dataclass whose fields are its options and whose docstrings are its help.
 
@@ -53,7 +57,7 @@ def exit_status(command: Command, debug: bool = False) -> int:
         return FAILED
     except UserError as error:
         return _end(WRONG_INPUT, str(error), debug)
-    except EngineError as error:
+    except (EngineError, Failure) as error:
         return _end(FAILED, str(error), debug)
     except Exception as error:
         hint = "" if debug else " (evaps --debug COMMAND ... shows where)"

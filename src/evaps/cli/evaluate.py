@@ -39,6 +39,8 @@ class Evaluate(Command):
     """Candidates of a task."""
     rounds: int = 5
     """How often a candidate is repaired at most."""
+    noise: float = 0.0
+    """Share of the pixels that are invalid in all that methods see, from 0 to 1."""
     workers: int = field(default_factory=available_cores)
     """Processes; by default one a core."""
     engine: Engine = "local"
@@ -52,10 +54,12 @@ class Evaluate(Command):
             raise UserError(f"--out must end in .parquet, not {self.out.name!r}")
         numbers = {"tasks": (self.tasks, 1), "top_k": (self.top_k, 1), "rounds": (self.rounds, 0)}
         check_least(**numbers)
+        if not 0 <= self.noise < 1:
+            raise UserError(f"--noise must be at least 0 and less than 1, not {self.noise}")
         workers = workers_from(self.workers, self.engine, self.address)
         check_writable(self.out)
         from evaps.evaluate import evaluate
-        from evaps.report import summary_table
+        from evaps.report.summary import summary_table
 
         evaluate(
             self.data,
@@ -67,5 +71,6 @@ class Evaluate(Command):
             self.top_k,
             self.rounds,
             workers,
+            self.noise,
         )
         print(summary_table(self.out))

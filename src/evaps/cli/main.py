@@ -16,9 +16,12 @@ from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, OmitSubcommandPrefixe
 from evaps.cli.bench import Bench
 from evaps.cli.command import FAILED, close_output, exit_status
 from evaps.cli.data import Data
+from evaps.cli.doctor import Doctor
 from evaps.cli.evaluate import Evaluate
+from evaps.cli.export import Export
 from evaps.cli.generate import Generate, Render
 from evaps.cli.make_task import MakeTask
+from evaps.cli.report import Report
 from evaps.cli.run import Run
 from evaps.cli.synthesize import Demo, Synthesize
 from evaps.cli.train import Train
@@ -33,7 +36,10 @@ AnyCommand: TypeAlias = (
     | Annotated[Train, subcommand("train")]
     | Annotated[Synthesize, subcommand("synthesize")]
     | Annotated[Evaluate, subcommand("evaluate")]
+    | Annotated[Report, subcommand("report")]
+    | Annotated[Export, subcommand("export")]
     | Annotated[Bench, subcommand("bench")]
+    | Annotated[Doctor, subcommand("doctor")]
     | Annotated[Demo, subcommand("demo")]
 )
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import arg
 
 from evaps.cli.command import Command
-from evaps.cli.inputs import File, ProgramFile, read_program, read_scene
+from evaps.cli.inputs import File, ProgramFile, check_writable, read_program, read_scene
 
 if TYPE_CHECKING:
     from evaps.dsl import Trace
@@ -30,6 +33,8 @@ class Run(Command):
     """JSON file with the scene: {"robot": {"x", "y", "heading"}, "things": [{"kind", "x", "y"}, ...]}."""
     json: bool = False
     """Print one JSON object instead of a summary; it also has SHA-256 sums of the first and last views."""
+    film: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Write what happened as pictures: a .gif that plays, or a .png in which they stand below one another."""
 
     def run(self) -> None:
         """Run the program from the scene."""
@@ -37,10 +42,21 @@ class Run(Command):
         from evaps.robots.doom import DoomRobot
 
         program, scene = read_program(self.program), read_scene(self.scene)
+        if self.film is not None:
+            from evaps.viewer.film import check_film
+
+            check_film(self.film)
+            check_writable(self.film)
         robot = DoomRobot()
         try:
-            robot.reset(scene)
-            trace = run(program, robot)
+            if self.film is None:
+                robot.reset(scene)
+                trace = run(program, robot)
+            else:
+                from evaps.viewer.film import record, save_film
+
+                trace, moments = record(program, scene, robot)
+                save_film(self.film, program, moments)
             state = robot.state()
         finally:
             robot.close()

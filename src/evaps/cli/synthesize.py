@@ -20,7 +20,10 @@ if TYPE_CHECKING:
     from evaps.tasks.task import Task
     from evaps.viewer import TaskReport
 
-SHIPPED_TASKS = Path("examples/tasks")
+PACKAGE = Path(__file__).parents[1]
+SHIPPED_TASKS = tuple(
+    root / "examples" / "tasks" for root in (PACKAGE, PACKAGE.parents[1])
+)  # wheel, checkout
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,8 @@ class Synthesize(Command):
     """How many actions verified synthesis may simulate."""
     seconds: float = 8.0
     """How long it may search; it may take a little longer."""
+    seed: int = 0
+    """Of what is random in a search: the further scenes on which candidates are compared."""
     explain: bool = False
     """Show a scene on which another program that passes all examples does otherwise, if one was found."""
     json: bool = False
@@ -71,7 +76,7 @@ class Synthesize(Command):
 
         reports = []
         budget = Budget(self.actions, self.seconds)
-        for report in solve_all(loaded, model, self.top_k, self.rounds, budget):
+        for report in solve_all(loaded, model, self.top_k, self.rounds, budget, self.seed):
             show(report, self.json)
             if self.explain and not self.json:
                 show_doubt(report)
@@ -92,9 +97,9 @@ class Demo(Command):
         from evaps.models import load_model
         from evaps.tasks.task import load_task
 
-        folders = sorted(path.parent for path in SHIPPED_TASKS.glob("*/task.json"))
+        folders = sorted(path.parent for root in SHIPPED_TASKS for path in root.glob("*/task.json"))
         if not folders:
-            raise UserError(f"there are no tasks in {SHIPPED_TASKS}; run this in the root of a checkout")
+            raise UserError(f"there are no tasks in {SHIPPED_TASKS[0]}; install evaps again")
         check_writable(self.out)
         reports = []
         for report in solve_all([load_task(folder) for folder in folders], load_model()):
@@ -106,7 +111,12 @@ class Demo(Command):
 
 
 def solve_all(
-    tasks: Sequence[Task], model: Model, top_k: int = 20, rounds: int = 5, budget: Budget | None = None
+    tasks: Sequence[Task],
+    model: Model,
+    top_k: int = 20,
+    rounds: int = 5,
+    budget: Budget | None = None,
+    seed: int = 0,
 ) -> Iterator[TaskReport]:
     """Synthesize for each task on the same engines.
 
@@ -127,7 +137,7 @@ def solve_all(
         for task in tasks:
             # it lives as long as its views: the page shows them
             memo = MemoRobot(robot, PERCEPTION_KEYS, spares=spares)
-            yield TaskReport(task, solve(model, task, memo, top_k, rounds, budget or Budget()))
+            yield TaskReport(task, solve(model, task, memo, top_k, rounds, budget or Budget(), seed))
             memo.leave()
     finally:
         for each in (robot, *spares):

@@ -23,8 +23,9 @@ class Train(Command):
     stopped: ClassVar[str] = "stopped; the same command goes on where it last saved, a minute ago at most"
 
     method: Positional[Annotated[str, arg(metavar="encoder|METHOD")]]
-    """What to train: encoder; then inverse (for verified synthesis), lgrl, transformer or latent-execution;
-    then lgrl-rl, sed, evaps, or an ablation of it: naive, evaps-o, evaps-s."""
+    """What to train: encoder; then inverse, whose embedding of pairs all methods start from; then lgrl,
+    transformer, inferred-trace or latent-execution; then lgrl-rl, sed, evaps, an ablation of it (naive,
+    evaps-o, evaps-s), or another way to edit (evaps-parallel, evaps-substitution)."""
     data: Folder
     """Folder of the data set, from `evaps generate`."""
     out: Folder

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -38,14 +39,26 @@ METHODS = {
     "lgrl": Method("evaps.models.lgrl:LGRL"),
     "lgrl-rl": Method("evaps.models.lgrl:LGRL", start="lgrl"),
     "transformer": Method("evaps.models.transformer:Transformer"),
+    "inferred-trace": Method("evaps.models.inferred_trace:InferredTrace"),
     "latent-execution": Method("evaps.models.latent_execution:LatentExecution"),
     "sed": Method("evaps.models.sed:SED"),
+    "evaps-parallel": Method("evaps.models.evaps:Evaps", {"edits": "parallel"}),
+    "evaps-substitution": Method("evaps.models.evaps:Evaps", {"edits": "substitution"}),
     "naive": Method("evaps.models.evaps:Evaps", {"observations": False, "graph": False}),
     "evaps-o": Method("evaps.models.evaps:Evaps", {"graph": False}),
     "evaps-s": Method("evaps.models.evaps:Evaps", {"observations": False}),
     "evaps": Method("evaps.models.evaps:Evaps"),
 }
-"""Every method by its name; `naive`, `evaps-o` and `evaps-s` are the paper's ablations of EVAPS."""
+"""Every method by its name; `naive`, `evaps-o` and `evaps-s` are the paper's ablations of EVAPS.
+
+``evaps-parallel`` and ``evaps-substitution`` are the other readings of how EVAPS edits."""
+
+METHODS |= {
+    entry.name: Method(entry.value)
+    for entry in entry_points(group="evaps.methods")
+    if entry.name not in METHODS
+}
+"""Methods of other packages, which name them as entry points: ``name = "module:Class"``."""
 
 PROPOSER = "lgrl"
 """The synthesizer whose candidates repairers learn from and mend."""
@@ -59,11 +72,13 @@ SEARCHES: dict[str, tuple[str, ...]] = {
     "sed-search": ("encoder", PROPOSER, "sed"),
     "enumeration": ("encoder", PROPOSER),
     "blind": ("encoder", PROPOSER),
+    "prior": ("encoder", PROPOSER),
 }
 """Searches, which are no networks of their own, and the checkpoints that they use: see `evaps.synthesis`.
 
-``verified``, the same without one of its parts, SED's own search, and two that learn nothing: ``enumeration``
-by cost, and ``blind``, which draws programs.
+``verified``, the same without one of its parts, SED's own search, and three that learn nothing:
+``enumeration`` by cost, ``blind``, which draws programs until one passes, and ``prior``, which draws as many
+as are wanted.
 """
 
 SHIPPED = Path(__file__).parents[1] / "checkpoints"

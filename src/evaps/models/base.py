@@ -22,6 +22,8 @@ Features = Float[Tensor, "batch pair 2 feature"]
 class Synthesizer(nn.Module, ABC):
     """Proposes programs for tasks, token by token. Bring your own: two methods for decoding, one to learn."""
 
+    acts: ClassVar[bool] = False
+    """Whether it goes ways on the scenes first: then it is told Ways (`evaps.models.inferred_trace`)."""
     retrains: ClassVar[bool] = False
     """Whether it is trained for a second round, on programs of its own that reach all outputs."""
     name: str
@@ -29,8 +31,12 @@ class Synthesizer(nn.Module, ABC):
     config: Any
 
     @abstractmethod
-    def start(self, features: Features) -> Any:
-        """The decoder's state before the first token."""
+    def start(self, features: Any) -> Any:
+        """The decoder's state before the first token.
+
+        Args:
+            features: what is told of the tasks: Features, or Ways if it acts. The same in the other methods.
+        """
 
     @abstractmethod
     def step(
@@ -45,19 +51,17 @@ class Synthesizer(nn.Module, ABC):
         """
 
     @abstractmethod
-    def logits(
-        self, features: Features, tokens: Int[Tensor, "batch time"]
-    ) -> Float[Tensor, "batch time vocab"]:
+    def logits(self, features: Any, tokens: Int[Tensor, "batch time"]) -> Float[Tensor, "batch time vocab"]:
         """Logits of each token of programs, knowing those before it."""
 
     def loss(
-        self, features: Features, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
+        self, features: Any, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
     ) -> Float[Tensor, ""]:
         """What is minimised: negative log-likelihood under the grammar's mask, a mean over tokens."""
         return masked_likelihood(self.logits(features, tokens), tokens, masks).sum() / (tokens > 0).sum()
 
     def log_probabilities(
-        self, features: Features, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
+        self, features: Any, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
     ) -> Float[Tensor, " batch"]:
         """The logarithm of each program's probability under the grammar's mask."""
         return -masked_likelihood(self.logits(features, tokens), tokens, masks).sum(1)
@@ -123,13 +127,21 @@ class Repairer(nn.Module, ABC):
         ]
 
     @abstractmethod
+    def batch(self, executions: Sequence[Execution], targets: Sequence[Program], device: torch.device) -> Any:
+        """Executions, and the edits that lead to the targets, as tensors for :meth:`batch_loss`."""
+
+    @abstractmethod
+    def batch_loss(self, batch: Any, table: Float[Tensor, "row feature"]) -> Float[Tensor, ""]:
+        """How far the predicted edits are from those that lead to the targets."""
+
     def loss(
         self,
         executions: Sequence[Execution],
         targets: Sequence[Program],
         table: Float[Tensor, "row feature"],
     ) -> Float[Tensor, ""]:
-        """How far the predicted edits are from those that lead to the targets."""
+        """The same from executions and targets."""
+        return self.batch_loss(self.batch(executions, targets, table.device), table)
 
 
 def masked_likelihood(

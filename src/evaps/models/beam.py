@@ -14,7 +14,7 @@ from torch import Tensor
 
 from evaps.dsl import VOCAB, GrammarState, Program
 from evaps.dsl.sampler import MAX_TOKENS
-from evaps.models.base import Features, Synthesizer
+from evaps.models.base import Synthesizer
 
 
 @runtime_checkable
@@ -147,13 +147,13 @@ class Proposal:
 
 @torch.inference_mode()
 def beam_search(
-    model: Synthesizer, features: Features, beam: int, max_tokens: int = MAX_TOKENS
+    model: Synthesizer, features: Any, beam: int, max_tokens: int = MAX_TOKENS
 ) -> list[list[Proposal]]:
     """For each task its most probable programs, best first.
 
     Args:
         model: the synthesizer, in evaluation mode.
-        features: of the tasks' pairs.
+        features: what it is told of the tasks: see :meth:`Synthesizer.start`.
         beam: how many hypotheses are kept, and at most how many programs come out.
         max_tokens: the longest program.
     """
@@ -165,7 +165,7 @@ def beam_search(
         logits, state = model.step(state, tokens, rows)
         return logits
 
-    starts = [Prefix((), GrammarState.start(), max_tokens)] * features.shape[0]
+    starts = [Prefix((), GrammarState.start(), max_tokens)] * len(features)
     found = search(starts, step, beam, max_tokens)
     return [[Proposal(_program(h.partial), h.score) for h in group] for group in found]
 

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from evaps.dsl import VOCAB, UserError
 from evaps.files import write_atomically
 
-FORMAT = 1
+FORMAT = 2
 Model = TypeVar("Model", bound=nn.Module)
 
 

@@ -10,6 +10,8 @@ from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from evaps.models.pairs import PairConfig, PairEmbedding
+
 
 @dataclass(frozen=True)
 class EncoderConfig:
@@ -68,42 +70,6 @@ class Encoder(nn.Module):
 
 
 @dataclass(frozen=True)
-class PairConfig:
-    """Sizes of the embedding of a pair."""
-
-    feature: int = 256
-    """Size of an observation's embedding."""
-    pair: int = 512
-    """Size of the embedding of a pair of observations."""
-
-
-class PairEmbedding(nn.Module):
-    """Embeds two observations, such as a first and a last one: what must have happened in between.
-
-    Args:
-        config: sizes.
-    """
-
-    def __init__(self, config: PairConfig) -> None:
-        super().__init__()
-        self.config = config
-        sizes = (
-            2 * config.feature,
-            3 * config.feature,
-            config.pair,
-            config.pair,
-        )  # one hidden layer alone predicts actions less well
-        layers = [layer for a, b in pairwise(sizes) for layer in (nn.ReLU(), nn.Linear(a, b))]
-        self.layers = nn.Sequential(*layers[1:])
-
-    def forward(
-        self, before: Float[Tensor, "*batch feature"], after: Float[Tensor, "*batch feature"]
-    ) -> Float[Tensor, "*batch pair"]:
-        """The embedding of each pair."""
-        return self.layers(torch.cat([before, after], -1))
-
-
-@dataclass(frozen=True)
 class Transitions:
     """What stage 0 learns from: pairs of observations on walks, and what happened between them.
 
@@ -154,7 +120,7 @@ class TransitionModel(nn.Module):
     ) -> tuple[Float[Tensor, ""], dict[str, float]]:
         """The sum of the four losses, and the shares that are predicted right."""
         embedded = self.encoder(frames)
-        pair = F.relu(self.pair(embedded[transitions.before], embedded[transitions.after]))
+        pair = self.pair(embedded[transitions.before], embedded[transitions.after])
         perceptions = self.perceptions(embedded).float()
         counts = self.counts(pair).float().unflatten(-1, (self.config.actions, -1))
         first, last = self.ends(pair).float().chunk(2, -1)

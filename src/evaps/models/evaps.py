@@ -9,23 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from functools import lru_cache
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
+from torch_geometric.data import Batch as GraphBatch
+from torch_geometric.data import Data
 from torch_geometric.nn import GATv2Conv
 
 from evaps.dsl import TOKEN_TYPES, VOCAB, Program, token_type
 from evaps.models.base import Execution, Joined, Repairer
-from evaps.models.encoder import PairConfig, PairEmbedding
-from evaps.models.parallel_edits import ParallelEdits
+from evaps.models.pairs import PairConfig, PairEmbedding
+from evaps.models.parallel_edits import SLOTS, ParallelEdits
 from evaps.models.recurrent import reversal
 from evaps.models.sequential_edits import SequentialEdits
 
-EditMode = Literal["parallel", "sequential"]
+EditMode = Literal["sequential", "parallel", "substitution"]
 _TYPES = torch.tensor([TOKEN_TYPES.index(token_type(token)) for token in VOCAB.tokens])
 
 
@@ -52,7 +55,8 @@ class EvapsConfig:
     goal: bool = True
     """Whether the repairer sees the goal: how it differs from the first, the last and each segment's view."""
     edits: EditMode = "sequential"
-    """Whether all tokens are edited at once, as the paper says, or one after the other, as in SED."""
+    """Whether tokens are edited one after the other, as in SED, all at once, or all at once and only by
+    substitution, the paper's literal words."""
     dropout: float = 0.2
     """On token representations and on the decoder's output."""
     beam: int = 4
@@ -64,7 +68,8 @@ class Batch:
     """Executions as tensors. ``segment`` counts through all programs of the batch."""
 
     tokens: Int[Tensor, "batch time"]
-    edges: Int[Tensor, "2 edge"]  # over the tokens of all programs, padding included
+    real: Bool[Tensor, "batch time"]
+    edges: Int[Tensor, "2 edge"]  # over the real tokens of all programs
     segments: Int[Tensor, "batch time"]
     owner: Int[Tensor, " segment"]
     before: Int[Tensor, "segment pair"]
@@ -78,13 +83,20 @@ class Batch:
         """Join executions; programs are padded to the longest."""
         programs = [e.program for e in executions]
         joined = Joined.of(programs, device)
-        offsets = np.arange(len(programs)) * joined.tokens.shape[1]
-        edges = np.concatenate([np.add(p.edges, o) for p, o in zip(programs, offsets, strict=True)])
-        both = torch.from_numpy(np.concatenate([edges, edges[:, ::-1]]).T.copy())
+        graphs = GraphBatch.from_data_list([_graph(program) for program in programs])
         seen = [np.concatenate([getattr(e, k).T for e in executions]) for k in ("before", "after")]
         ends = [np.stack([getattr(e, k) for e in executions]) for k in ("first", "final", "goal")]
         arrays = [torch.from_numpy(a.astype(np.int64)).to(device) for a in (*seen, *ends)]
-        return cls(joined.tokens, both.to(device), joined.segments, joined.owner, *arrays)
+        edges = graphs.edge_index.to(device)
+        return cls(joined.tokens, joined.tokens > 0, edges, joined.segments, joined.owner, *arrays)
+
+
+@lru_cache(maxsize=100_000)  # the same ones come up in every epoch
+def _graph(program: Program) -> Data:
+    """The program's tokens and its edges in both directions, for PyTorch Geometric."""
+    edges = np.array(program.edges, np.int64).reshape(-1, 2)
+    both = np.concatenate([edges, edges[:, ::-1]]).T
+    return Data(edge_index=torch.from_numpy(both.copy()), num_nodes=len(program.tokens))
 
 
 class Evaps(Repairer):
@@ -119,9 +131,9 @@ class Evaps(Repairer):
         self.backwards = nn.LSTM(size, size // 2, batch_first=True)
         self.dropout = nn.Dropout(config.dropout)
         self.edits: ParallelEdits | SequentialEdits = (
-            ParallelEdits(size, config.dropout)
-            if config.edits == "parallel"
-            else SequentialEdits(size, size, dropout=config.dropout)
+            SequentialEdits(size, size, dropout=config.dropout)
+            if config.edits == "sequential"
+            else ParallelEdits(size, config.dropout, SLOTS if config.edits == "parallel" else 0)
         )
 
     def forward(
@@ -130,7 +142,7 @@ class Evaps(Repairer):
         """For each token what its edits are decided on: ``x_s`` in context, max-pooled over the pairs."""
         x = self.represent(batch, table)
         x = self.dropout(F.relu(self.mix(x)))
-        swap = reversal(batch.tokens > 0).to(x.dtype)[:, None]
+        swap = reversal(batch.real).to(x.dtype)[:, None]
         onwards, _ = self.onwards(x.flatten(0, 1))
         backwards, _ = self.backwards((swap @ x).flatten(0, 1))
         backwards = swap.to(backwards.dtype) @ backwards.unflatten(0, x.shape[:2])
@@ -152,10 +164,10 @@ class Evaps(Repairer):
     def _symbols(self, batch: Batch) -> Float[Tensor, "batch time hidden"]:
         """``h'_s``: the tokens' embeddings, passed along the edges of the program's graph (Eq. 4-5)."""
         h = self.token(batch.tokens) + self.token_type(_TYPES.to(batch.tokens.device)[batch.tokens])
-        flat = h.flatten(0, 1)
+        nodes = h[batch.real]
         for layer in self.graph:
-            flat = flat + F.elu(layer(flat, batch.edges))
-        return flat.unflatten(0, h.shape[:2])
+            nodes = nodes + F.elu(layer(nodes, batch.edges))
+        return torch.zeros_like(h).masked_scatter(batch.real[..., None], nodes.to(h.dtype))
 
     def _observations(self, batch: Batch, table: Tensor) -> Float[Tensor, "segment pair hidden"]:
         """``O'_s``: what the robot saw before and after each segment (Eq. 1-3), and what the goal lacks."""
@@ -176,15 +188,16 @@ class Evaps(Repairer):
             views.append(self.pair(table[batch.final], goal))
         return F.relu(self.ends(F.relu(torch.cat(views, -1))))
 
-    def loss(
-        self,
-        executions: Sequence[Execution],
-        targets: Sequence[Program],
-        table: Float[Tensor, "row feature"],
-    ) -> Float[Tensor, ""]:
+    def batch(
+        self, executions: Sequence[Execution], targets: Sequence[Program], device: torch.device
+    ) -> tuple[Batch, Any]:
+        """See :meth:`Repairer.batch`."""
+        programs = [e.program for e in executions]
+        return Batch.of(executions, device), self.edits.targets(programs, targets, device)
+
+    def batch_loss(self, batch: tuple[Batch, Any], table: Float[Tensor, "row feature"]) -> Float[Tensor, ""]:
         """Cross-entropy of the Levenshtein edits, a mean over a program's edits, then over programs."""
-        memory = self(Batch.of(executions, table.device), table)[:, None]  # pooled over the pairs already
-        return self.edits.loss(memory, [e.program for e in executions], targets)
+        return self.edits.loss(self(batch[0], table)[:, None], batch[1])  # pooled over the pairs already
 
     @torch.inference_mode()
     def repairs(

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
+
+from evaps.models.pairs import PairConfig, PairEmbedding
 
 AXES = (
     ("TURN_LEFT", "TURN_RIGHT"),
@@ -31,8 +32,8 @@ class InverseConfig:
 
     feature: int = 256
     """Size of an observation's embedding."""
-    hidden: tuple[int, ...] = (768, 512, 512)
-    """Of the layers between two embeddings and the counts."""
+    pair: int = 512
+    """Size of the embedding of two observations, from which the counts are read."""
     most: int = 8
     """The largest number of actions on an axis that is told apart."""
 
@@ -50,17 +51,14 @@ class InverseModel(nn.Module):
     def __init__(self, config: InverseConfig = InverseConfig()) -> None:
         super().__init__()
         self.config = config
-        sizes = (3 * config.feature, *config.hidden)
-        layers = [layer for a, b in pairwise(sizes) for layer in (nn.Linear(a, b), nn.ReLU())]
-        self.layers = nn.Sequential(*layers)
-        self.counts = nn.Linear(sizes[-1], len(AXES) * (2 * config.most + 1))
+        self.pair = PairEmbedding(PairConfig(config.feature, config.pair))
+        self.counts = nn.Linear(config.pair, len(AXES) * (2 * config.most + 1))
 
     def forward(
         self, before: Float[Tensor, "batch feature"], after: Float[Tensor, "batch feature"]
     ) -> Float[Tensor, "batch axis count"]:
         """Logits of the counts ``-most`` to ``most`` on each axis."""
-        hidden = self.layers(torch.cat([before, after, after - before], -1))
-        return self.counts(hidden).unflatten(-1, (len(AXES), -1))
+        return self.counts(self.pair(before, after)).unflatten(-1, (len(AXES), -1))
 
     def loss(
         self,

@@ -9,7 +9,7 @@ predictor, which is about integers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import torch
@@ -19,7 +19,7 @@ from torch.nn import functional as F
 
 from evaps.dsl import VOCAB, token_type
 from evaps.models.base import Features, Synthesizer, masked_likelihood
-from evaps.models.encoder import PairConfig, PairEmbedding
+from evaps.models.pairs import PairConfig, PairEmbedding
 from evaps.models.recurrent import select_hidden
 
 _ENDS = torch.tensor([token_type(t) == "action" or t in ("i)", "e)", "w)", "r)") for t in VOCAB.tokens])
@@ -52,6 +52,7 @@ class LatentState:
 
     latent: Float[Tensor, "batch pair feature"]
     goal: Float[Tensor, "batch pair feature"]
+    given: Float[Tensor, "batch pair size"]
     hidden: tuple[Float[Tensor, "layer batch_pair hidden"], Float[Tensor, "layer batch_pair hidden"]]
 
 
@@ -70,7 +71,7 @@ class LatentExecution(Synthesizer):
         self.embedding = nn.Embedding(len(VOCAB), config.hidden)  # <pad> stands for the start
         self.lstm = nn.LSTM(config.hidden + config.pair, config.hidden, config.layers, batch_first=True)
         self.executor = nn.Sequential(
-            nn.Linear(config.feature + config.hidden, config.hidden),
+            nn.Linear(config.feature + 2 * config.hidden, config.hidden),
             nn.ReLU(),
             nn.Linear(config.hidden, config.feature),
         )
@@ -81,7 +82,8 @@ class LatentExecution(Synthesizer):
         """The latent state is the input's embedding."""
         rows = features.shape[0] * features.shape[1]
         zeros = features.new_zeros(self.config.layers, rows, self.config.hidden)
-        return LatentState(features[:, :, 0], features[:, :, 1], (zeros, zeros))
+        latent, goal = features[:, :, 0], features[:, :, 1]
+        return LatentState(latent, goal, self.norm(self.pair(latent, goal)), (zeros, zeros))
 
     def step(
         self, state: LatentState, tokens: Int[Tensor, " batch"] | None, rows: Int[Tensor, " batch"] | None
@@ -91,21 +93,31 @@ class LatentExecution(Synthesizer):
             state = _select(state, rows)
         if tokens is None:
             tokens = torch.zeros(len(state.goal), dtype=torch.long, device=state.goal.device)
-        state = self._execute(state, tokens)
+        token = self.embedding(tokens)
+        ends = _ENDS.to(tokens.device)[tokens].nonzero()[:, 0]
+        if len(ends):
+            state = self._execute(state, token, ends)
         pairs = state.goal.shape[1]
-        given = self.dropout(self.norm(self.pair(state.latent, state.goal)))
-        token = self.dropout(self.embedding(tokens))[:, None].expand(-1, pairs, -1)
-        inputs = torch.cat([token, given], -1).flatten(0, 1)[:, None]
+        told = self.dropout(token)[:, None].expand(-1, pairs, -1)
+        inputs = torch.cat([told, self.dropout(state.given)], -1).flatten(0, 1)[:, None]
         outputs, hidden = self.lstm(inputs, state.hidden)
         pooled = outputs[:, 0].unflatten(0, (-1, pairs)).amax(1)
-        return self.output(self.dropout(pooled)), LatentState(state.latent, state.goal, hidden)
+        return self.output(self.dropout(pooled)), replace(state, hidden=hidden)
 
-    def _execute(self, state: LatentState, tokens: Int[Tensor, " batch"]) -> LatentState:
+    def _execute(
+        self, state: LatentState, token: Float[Tensor, "batch hidden"], ends: Int[Tensor, " end"]
+    ) -> LatentState:
         """Where a token ends a statement: what the world may look like after it."""
-        top = state.hidden[0][-1].unflatten(0, state.goal.shape[:2]).to(state.latent.dtype)
-        changed = state.latent + self.executor(torch.cat([state.latent, top], -1))
-        ends = _ENDS.to(tokens.device)[tokens][:, None, None]
-        return LatentState(torch.where(ends, changed, state.latent), state.goal, state.hidden)
+        top = state.hidden[0][-1].unflatten(0, state.goal.shape[:2])[ends]
+        told = token[ends, None].expand_as(top)
+        latent = state.latent[ends]
+        latent = latent + self.executor(torch.cat([latent, top, told], -1)).to(latent.dtype)
+        given = self.norm(self.pair(latent, state.goal[ends])).to(state.given.dtype)
+        return replace(
+            state,
+            latent=state.latent.index_copy(0, ends, latent),
+            given=state.given.index_copy(0, ends, given),
+        )
 
     def loss(
         self, features: Features, tokens: Int[Tensor, "batch time"], masks: Bool[Tensor, "batch time vocab"]
@@ -147,4 +159,4 @@ class LatentExecution(Synthesizer):
 
 def _select(state: LatentState, rows: Int[Tensor, " batch"]) -> LatentState:
     hidden = select_hidden(state.hidden, rows, state.goal.shape[1])
-    return LatentState(state.latent[rows], state.goal[rows], hidden)
+    return LatentState(state.latent[rows], state.goal[rows], state.given[rows], hidden)

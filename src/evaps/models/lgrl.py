@@ -17,7 +17,7 @@ from torch.nn import functional as F
 
 from evaps.dsl import VOCAB
 from evaps.models.base import Features, Synthesizer
-from evaps.models.encoder import PairConfig, PairEmbedding
+from evaps.models.pairs import PairConfig, PairEmbedding
 from evaps.models.recurrent import select_hidden
 
 

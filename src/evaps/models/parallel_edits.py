@@ -7,12 +7,12 @@ edit knows the others; the grammar alone decides which of them can stand togethe
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -20,6 +20,7 @@ from torch.nn import functional as F
 from evaps.dsl import VOCAB, GrammarState, Program
 from evaps.dsl.alignment import align
 from evaps.dsl.sampler import MAX_TOKENS
+from evaps.models.base import pad
 
 SLOTS = 8  # the paper inserts nothing or says nothing about it; a whole `IF c( ... c) i(` fits into 8
 DELETE = NOTHING = 0  # <pad> is no token of any program, so its id says: no token here
@@ -28,12 +29,12 @@ _PRUNE = 6.0  # options that are e^6 times less likely than the best one are not
 Scores = NDArray[np.float32]
 
 
-def edit_targets(before: Program, after: Program) -> tuple[list[int], list[list[int]]]:
+def edit_targets(before: Program, after: Program, slots: int = SLOTS) -> tuple[list[int], list[list[int]]]:
     """The edits that turn one program into another, by the shortest alignment.
 
     Returns:
         for each token its replacement (or DELETE), and for the gap behind each token what to insert there
-        (``SLOTS`` ids, NOTHING where there is nothing left to insert).
+        (``slots`` ids, NOTHING where there is nothing left to insert).
     """
     replace: list[int] = []
     insert: list[list[int]] = []
@@ -44,7 +45,7 @@ def edit_targets(before: Program, after: Program) -> tuple[list[int], list[list[
         else:
             replace.append(DELETE if edit.new is None else VOCAB.ids[edit.new])
             insert.append([])
-    return replace, [(row + [NOTHING] * SLOTS)[:SLOTS] for row in insert]
+    return replace, [(row + [NOTHING] * slots)[:slots] for row in insert]
 
 
 @dataclass(frozen=True)
@@ -54,27 +55,34 @@ class _Edited:
     tokens: tuple[int, ...]
     score: float
     grammar: GrammarState
+    longest: int
 
     def extended(self, token: int, score: float) -> _Edited | None:
         """With one more token; None if no program starts like that."""
-        if not self.grammar.allowed_within(MAX_TOKENS - len(self.tokens))[token]:
+        if not self.grammar.allowed_within(self.longest - len(self.tokens))[token]:
             return None
-        return _Edited((*self.tokens, token), self.score + score, self.grammar.advance(token))
+        return replace(
+            self,
+            tokens=(*self.tokens, token),
+            score=self.score + score,
+            grammar=self.grammar.advance(token),
+        )
 
     def scored(self, score: float) -> _Edited:
-        return _Edited(self.tokens, self.score + score, self.grammar)
+        return replace(self, score=self.score + score)
 
 
-def decode_edits(replace: Scores, insert: Scores, beam: int) -> Iterator[Program]:
+def decode_edits(tokens: Scores, insert: Scores, beam: int) -> Iterator[Program]:
     """Edited programs in the order of their probability; each of them parses.
 
     Args:
-        replace: log-probabilities ``[token, vocab]``.
+        tokens: log-probabilities of each token's replacement ``[token, vocab]``.
         insert: log-probabilities ``[token, slot, vocab]``.
         beam: how many left parts are kept after each token.
     """
-    live = [_Edited((), 0.0, GrammarState.start())]
-    for token_scores, slot_scores in zip(replace, insert, strict=True):
+    longest = MAX_TOKENS if insert.shape[1] else len(tokens)  # substitution keeps the length
+    live = [_Edited((), 0.0, GrammarState.start(), longest)]
+    for token_scores, slot_scores in zip(tokens, insert, strict=True):
         options = _options(token_scores)
         live = _best((new for old in live for new in _replaced(old, options)), beam)
         live = _inserted(live, slot_scores, beam)
@@ -120,44 +128,61 @@ def _best(hypotheses: Iterator[_Edited], beam: int) -> list[_Edited]:
     return list(kept.values())
 
 
+class EditTargets(NamedTuple):
+    """What is to be predicted: each token's replacement, and what stands in each slot; -1 is padding."""
+
+    tokens: Int[Tensor, "batch time"]
+    slots: Int[Tensor, "batch time slot"]
+
+
 class ParallelEdits(nn.Module):
     """A linear layer for the replacement of each token, and one for what is inserted behind it.
 
     Args:
         memory: size of a token's representation.
         dropout: on the representations.
+        slots: how many tokens can be inserted in a gap; with 0, tokens are substituted and nothing else:
+            what would have to be inserted or deleted is not learned.
     """
 
-    def __init__(self, memory: int, dropout: float = 0.2) -> None:
+    def __init__(self, memory: int, dropout: float = 0.2, slots: int = SLOTS) -> None:
         super().__init__()
+        self.slots = slots
         self.dropout = nn.Dropout(dropout)
         self.replace = nn.Linear(memory, len(VOCAB))
-        self.insert = nn.Linear(memory, SLOTS * len(VOCAB))
+        self.insert = nn.Linear(memory, slots * len(VOCAB)) if slots else None
 
     def forward(
         self, memory: Float[Tensor, "batch time memory"]
     ) -> tuple[Float[Tensor, "batch time vocab"], Float[Tensor, "batch time slot vocab"]]:
         """Logits of each token's replacement, and of what is inserted in the gap behind it."""
         memory = self.dropout(memory)
-        return self.replace(memory), self.insert(memory).unflatten(-1, (SLOTS, -1))
+        replace = self.replace(memory)
+        if self.insert is None:
+            replace[..., DELETE] = -torch.inf
+            return replace, memory.new_zeros(*memory.shape[:2], 0, len(VOCAB))
+        return replace, self.insert(memory).unflatten(-1, (self.slots, -1))
+
+    def targets(
+        self, before: Sequence[Program], after: Sequence[Program], device: torch.device
+    ) -> EditTargets:
+        """The edits that turn programs into others, as tensors."""
+        wanted = [edit_targets(b, a, self.slots) for b, a in zip(before, after, strict=True)]
+        tokens = pad([replace for replace, _ in wanted], -1)
+        slots = np.full((*tokens.shape, self.slots), -1)
+        for row, (_, inserts) in zip(slots, wanted, strict=True):
+            row[: len(inserts)] = inserts
+        if not self.slots:
+            tokens[tokens == DELETE] = -1
+        return EditTargets(tokens.to(device), torch.from_numpy(slots).to(device))
 
     def loss(
-        self,
-        memory: Float[Tensor, "batch pair time memory"],
-        before: Sequence[Program],
-        after: Sequence[Program],
+        self, memory: Float[Tensor, "batch pair time memory"], targets: EditTargets
     ) -> Float[Tensor, ""]:
         """Cross-entropy of the edits, a mean over a program's tokens, then over programs (Eq. 3)."""
         replace, insert = self(memory.amax(1))
-        lengths = torch.tensor([len(program.tokens) for program in before], device=memory.device)
-        real = torch.arange(memory.shape[2], device=memory.device) < lengths[:, None]
-        share = (real / lengths[:, None])[real] / len(before)
-        wanted = [edit_targets(b, a) for b, a in zip(before, after, strict=True)]
-        tokens = torch.tensor([t for row, _ in wanted for t in row], device=memory.device)
-        slots = torch.tensor([s for _, rows in wanted for s in rows], device=memory.device)
-        replaced = F.cross_entropy(replace[real].float(), tokens, reduction="none")
-        inserted = F.cross_entropy(insert[real].float().transpose(1, 2), slots, reduction="none").sum(1)
-        return ((replaced + inserted) * share).sum()
+        losses = _cross_entropy(replace, targets.tokens) + _cross_entropy(insert, targets.slots).sum(2)
+        return (losses.sum(1) / (targets.tokens >= 0).sum(1).clamp(min=1)).mean()
 
     def decode(
         self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
@@ -167,3 +192,10 @@ class ParallelEdits(nn.Module):
         lengths = [len(program.tokens) for program in before]
         rows = zip(replace, insert, lengths, strict=True)
         return [list(decode_edits(r[:length], i[:length], beam)) for r, i, length in rows]
+
+
+def _cross_entropy(
+    logits: Float[Tensor, "*where vocab"], wanted: Int[Tensor, "*where"]
+) -> Float[Tensor, "*where"]:
+    flat = F.cross_entropy(logits.float().flatten(0, -2), wanted.flatten(), ignore_index=-1, reduction="none")
+    return flat.view(wanted.shape)

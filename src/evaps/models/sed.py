@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -19,7 +19,7 @@ from torch.nn import functional as F
 
 from evaps.dsl import VOCAB, Program
 from evaps.models.base import Execution, Joined, Repairer
-from evaps.models.encoder import PairConfig, PairEmbedding
+from evaps.models.pairs import PairConfig, PairEmbedding
 from evaps.models.recurrent import BothWays
 from evaps.models.sequential_edits import SequentialEdits
 
@@ -109,15 +109,18 @@ class SED(Repairer):
         count = torch.bincount(at, minlength=slots).clamp(min=1)
         return (total / count[:, None]).unflatten(0, (-1, pairs))
 
-    def loss(
-        self,
-        executions: Sequence[Execution],
-        targets: Sequence[Program],
-        table: Float[Tensor, "row feature"],
+    def batch(
+        self, executions: Sequence[Execution], targets: Sequence[Program], device: torch.device
+    ) -> tuple[SEDBatch, Any]:
+        """See :meth:`Repairer.batch`."""
+        programs = [e.program for e in executions]
+        return SEDBatch.of(executions, device), self.edits.targets(programs, targets, device)
+
+    def batch_loss(
+        self, batch: tuple[SEDBatch, Any], table: Float[Tensor, "row feature"]
     ) -> Float[Tensor, ""]:
         """Cross-entropy of the Levenshtein edits, a mean over a program's edits, then over programs."""
-        memory = self(SEDBatch.of(executions, table.device), table)
-        return self.edits.loss(memory, [e.program for e in executions], targets)
+        return self.edits.loss(self(batch[0], table), batch[1])
 
     @torch.inference_mode()
     def repairs(

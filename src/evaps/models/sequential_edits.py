@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -142,6 +142,14 @@ class Told(NamedTuple):
     pointers: Int[Tensor, "batch edit"]
 
 
+class EditTargets(NamedTuple):
+    """What is to be predicted: the edits (-1 is padding), what was allowed, and what is told before each."""
+
+    choices: Int[Tensor, "batch edit"]
+    masks: Bool[Tensor, "batch edit choice"]
+    told: Told
+
+
 class SequentialEdits(nn.Module):
     """An LSTM over the edits, which sees the token at the pointer: one for each pair, max-pooled over them.
 
@@ -165,23 +173,29 @@ class SequentialEdits(nn.Module):
         self.dropout = nn.Dropout(dropout)
         self.output = nn.Linear(hidden + memory, EDITS)
 
-    def loss(
-        self,
-        memory: Float[Tensor, "batch pair time memory"],
-        before: Sequence[Program],
-        after: Sequence[Program],
-    ) -> Float[Tensor, ""]:
-        """Cross-entropy of the edits, a mean over those of a program, then over programs."""
+    def targets(
+        self, before: Sequence[Program], after: Sequence[Program], device: torch.device
+    ) -> EditTargets:
+        """The edits that turn programs into others, as tensors."""
         lessons = [Lesson.of(b, a) for b, a in zip(before, after, strict=True)]
-        choices = pad([lesson.choices for lesson in lessons], -1).to(memory.device)
-        pointers = pad([lesson.pointers for lesson in lessons]).to(memory.device)
+        choices = pad([lesson.choices for lesson in lessons], -1)
         masks = np.ones((*choices.shape, EDITS), np.bool_)
         for mask, lesson in zip(masks, lessons, strict=True):
             mask[: len(lesson.choices)] = lesson.masks
-        last = F.pad(choices[:, :-1].clamp(min=0), (1, 0), value=EDITS)
-        written = pad([lesson.written for lesson in lessons]).to(memory.device)
-        logits, _ = self(memory, Told(last, written, pointers), None)
-        logits = logits.float().masked_fill(~torch.from_numpy(masks).to(memory.device), -torch.inf)
+        told = Told(
+            F.pad(choices[:, :-1].clamp(min=0), (1, 0), value=EDITS).to(device),
+            pad([lesson.written for lesson in lessons]).to(device),
+            pad([lesson.pointers for lesson in lessons]).to(device),
+        )
+        return EditTargets(choices.to(device), torch.from_numpy(masks).to(device), told)
+
+    def loss(
+        self, memory: Float[Tensor, "batch pair time memory"], targets: EditTargets
+    ) -> Float[Tensor, ""]:
+        """Cross-entropy of the edits, a mean over those of a program, then over programs."""
+        logits, _ = self(memory, targets.told, None)
+        logits = logits.float().masked_fill(~targets.masks, -torch.inf)
+        choices = targets.choices
         losses = F.cross_entropy(logits.transpose(1, 2), choices, ignore_index=-1, reduction="none")
         return (losses.sum(1) / (choices >= 0).sum(1)).mean()
 

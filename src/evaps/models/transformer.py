@@ -17,7 +17,7 @@ from torch.nn import functional as F
 from evaps.dsl import VOCAB
 from evaps.dsl.sampler import MAX_TOKENS
 from evaps.models.base import Features, Synthesizer
-from evaps.models.encoder import PairConfig, PairEmbedding
+from evaps.models.pairs import PairConfig, PairEmbedding
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ class Transformer(Synthesizer):
         self.config = config
         size = config.hidden
         self.pair = PairEmbedding(PairConfig(config.feature, config.pair))
+        self.norm = nn.LayerNorm(config.pair)
         self.memory = nn.Linear(config.pair, size)
         self.token = nn.Embedding(len(VOCAB), size)  # <pad> stands for the start
         self.position = nn.Embedding(MAX_TOKENS, size)
@@ -69,7 +70,7 @@ class Transformer(Synthesizer):
 
     def start(self, features: Features) -> TransformerState:
         """Embed the pairs."""
-        pairs = F.relu(self.pair(features[:, :, 0], features[:, :, 1]))
+        pairs = self.norm(self.pair(features[:, :, 0], features[:, :, 1]))
         nothing = torch.zeros(len(features), 0, dtype=torch.long, device=features.device)
         return TransformerState(self.memory(self.dropout(pairs)), nothing)
 

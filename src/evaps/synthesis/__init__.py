@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.models import Model
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.synthesis.best_first import synthesize_best_first
-from evaps.synthesis.blind import synthesize_blindly
+from evaps.synthesis.blind import synthesize_blindly, synthesize_from_prior
 from evaps.synthesis.budget import USUAL_BUDGET, Budget
 from evaps.synthesis.enumeration import synthesize_by_enumeration
 from evaps.synthesis.repair import ROUNDS, synthesize_with
@@ -17,18 +19,48 @@ from evaps.tasks.task import EXAMPLES, Task
 
 __all__ = ["Attempt", "Budget", "Candidate", "Solution", "solve", "synthesize", "synthesize_with"]
 
-PARTS = {
-    "verified": ALL_PARTS,
-    "verified-no-guide": Parts(guide=False),
-    "verified-no-sharing": Parts(sharing=False),
-    "verified-no-beam": Parts(beam=False),
+
+class Search(Protocol):
+    """A way to answer that is no network of its own."""
+
+    def __call__(
+        self, model: Model, task: Task, robot: MemoRobot, top_k: int, budget: Budget, seed: int
+    ) -> Solution:
+        """See :func:`synthesize`."""
+
+
+def _verified(parts: Parts = ALL_PARTS) -> Search:
+    return lambda model, task, robot, top_k, budget, seed: synthesize_verified(
+        model, task, robot, top_k, budget, parts, seed
+    )
+
+
+SEARCHES: dict[str, Search] = {
+    "verified": _verified(),
+    "verified-no-guide": _verified(Parts(guide=False)),
+    "verified-no-sharing": _verified(Parts(sharing=False)),
+    "verified-no-beam": _verified(Parts(beam=False)),
+    "sed-search": lambda model, task, robot, top_k, budget, seed: synthesize_best_first(
+        model, task, robot, top_k
+    ),
+    "enumeration": lambda model, task, robot, top_k, budget, seed: synthesize_by_enumeration(
+        task, robot, budget
+    ),
+    "blind": lambda model, task, robot, top_k, budget, seed: synthesize_blindly(task, robot, budget, seed),
+    "prior": lambda model, task, robot, top_k, budget, seed: synthesize_from_prior(task, robot, top_k, seed),
 }
+"""What each search does; `evaps.models.SEARCHES` says which checkpoints it needs."""
 SPARES = EXAMPLES - 1
 """Engines beside the first one with which synthesis is quickest: one for each scene."""
 
 
 def synthesize(
-    task: Task, model: Model, top_k: int = 20, rounds: int = ROUNDS, budget: Budget = USUAL_BUDGET
+    task: Task,
+    model: Model,
+    top_k: int = 20,
+    rounds: int = ROUNDS,
+    budget: Budget = USUAL_BUDGET,
+    seed: int = 0,
 ) -> Solution:
     """Write a program for a task, on Doom robots of its own.
 
@@ -39,10 +71,11 @@ def synthesize(
             ones, each run and repaired.
         rounds: how often each is repaired at most.
         budget: what a verified search may cost.
+        seed: of what is random in a search.
     """
     robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS, spares=[DoomRobot() for _ in range(SPARES)])
     try:
-        return solve(model, task, robot, top_k, rounds, budget)
+        return solve(model, task, robot, top_k, rounds, budget, seed)
     finally:
         robot.close()
 
@@ -54,14 +87,9 @@ def solve(
     top_k: int = 20,
     rounds: int = ROUNDS,
     budget: Budget = USUAL_BUDGET,
+    seed: int = 0,
 ) -> Solution:
     """The same on a robot that is there."""
     if model.search is None:
         return synthesize_with(model, task, robot, top_k, rounds)
-    if model.search == "sed-search":
-        return synthesize_best_first(model, task, robot, top_k)
-    if model.search == "enumeration":
-        return synthesize_by_enumeration(task, robot, budget)
-    if model.search == "blind":
-        return synthesize_blindly(task, robot, budget)
-    return synthesize_verified(model, task, robot, top_k, budget, PARTS[model.search])
+    return SEARCHES[model.search](model, task, robot, top_k, budget, seed)

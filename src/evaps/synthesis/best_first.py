@@ -40,7 +40,7 @@ def synthesize_best_first(
     repairer = model.repairer
     assert repairer is not None
     meter = Meter(robot)
-    table = FeatureTable(model.encoder)
+    table = FeatureTable(model.encoder, task.noise)
     order = count()
     seen: dict[Program, Candidate] = {}
     queue: list[tuple[int, int, Candidate]] = []

@@ -1,7 +1,8 @@
-"""The symbolic baseline: programs drawn blindly from the prior, run until one passes all pairs.
+"""Baselines that learn nothing: programs drawn blindly from the prior.
 
-It learns nothing and looks at nothing but whether the last view equals the goal. What was simulated once is
-free for it, too, and a program that fails in one scene is not run in the others.
+One draws until a program passes all pairs, and looks at nothing but whether the last view equals the goal:
+what was simulated once is free for it, too, and a program that fails in one scene is not run in the others.
+The other draws as many programs as a synthesizer proposes.
 """
 
 from __future__ import annotations
@@ -10,11 +11,11 @@ import numpy as np
 
 from evaps.dsl import Program
 from evaps.dsl.sampler import sample_program
-from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot
+from evaps.robots.noise import goal_match
 from evaps.robots.together import run_together
 from evaps.synthesis.budget import USUAL_BUDGET, Budget, Meter
-from evaps.synthesis.solution import Candidate, Solution, attempt_all
+from evaps.synthesis.solution import Candidate, Solution, attempt_all, best_first
 from evaps.tasks.task import Task
 
 DRAWN_TOGETHER = 50  # programs
@@ -45,15 +46,33 @@ def synthesize_blindly(
     return Solution(task.name, candidates, meter.actions, meter.seconds, candidates)
 
 
+def synthesize_from_prior(task: Task, robot: MemoRobot, top_k: int = 20, seed: int = 0) -> Solution:
+    """As many programs as are asked for, drawn from the prior: what a method without knowledge proposes.
+
+    Args:
+        task: the specification.
+        robot: where programs run.
+        top_k: how many distinct programs.
+        seed: of the programs; each task has its own, by its name.
+    """
+    meter = Meter(robot)
+    rng = np.random.default_rng([seed, *task.name.encode()])
+    programs: dict[Program, None] = {}
+    while len(programs) < top_k:
+        programs[sample_program(rng)] = None
+    attempts = attempt_all(list(programs), task, robot)
+    drawn = tuple(Candidate((attempt,), rank, "prior") for rank, attempt in enumerate(attempts))
+    return Solution(task.name, best_first(drawn), meter.actions, meter.seconds, drawn)
+
+
 def _furthest(programs: list[Program], task: Task, robot: MemoRobot) -> list[tuple[int, Program]]:
     """For each program how many examples it passes in turn before it fails in one."""
     passed = dict.fromkeys(programs, 0)
     left = list(passed)
     for example in task.examples:
-        goal = digest(example.goal)
         traces = run_together(left, example.scene, robot)
         ends = zip(left, traces, strict=True)
-        left = [p for p, t in ends if t.halted and digest(t.observations[-1]) == goal]
+        left = [p for p, t in ends if t.halted and goal_match(t.observations[-1], example.goal)]
         for program in left:
             passed[program] += 1
     return [(count, program) for program, count in passed.items()]

@@ -12,8 +12,8 @@ from itertools import count
 from evaps.dsl import Program
 from evaps.dsl.nodes import Action, Body, If, IfElse, Repeat, Statement, While
 from evaps.dsl.sampler import ACTIONS, COUNTS, MAX_TOKENS, PERCEPTIONS
-from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot
+from evaps.robots.noise import goal_match
 from evaps.robots.together import run_together
 from evaps.synthesis.budget import USUAL_BUDGET, Budget, Meter
 from evaps.synthesis.explain import CONDITIONS, cost_of
@@ -40,7 +40,7 @@ def synthesize_by_enumeration(task: Task, robot: MemoRobot, budget: Budget = USU
         budget: what it may cost.
     """
     meter = Meter(robot)
-    goals = [digest(example.goal) for example in task.examples]
+    goals = [example.goal for example in task.examples]
     order = count()
     queue: list[tuple[int, int, Body]] = [(0, next(order), ())]
     seen: set[tuple[object, ...]] = set()
@@ -58,7 +58,7 @@ def synthesize_by_enumeration(task: Task, robot: MemoRobot, budget: Budget = USU
             if ends not in seen:
                 seen.add(ends)
                 heapq.heappush(queue, (cost_of(program), next(order), program.body))
-                passed = sum(digest(end) == goal for end, goal in zip(ends, goals, strict=True))
+                passed = sum(map(goal_match, ends, goals))
                 if best is None or passed > best[0]:
                     best = passed, program
         over = meter.exceeds(budget)

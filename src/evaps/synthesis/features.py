@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Sequence
+from functools import cache
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +15,12 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from evaps.files import write_atomically
+from evaps.models import load_encoder
 from evaps.models.base import Execution
 from evaps.models.compute import autocast
 from evaps.models.encoder import Encoder
 from evaps.robots.frames import Observation, PaletteFrame, digest
+from evaps.robots.noise import NoisyFrame, noisy
 from evaps.synthesis.solution import Attempt
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.frames import rgbd, unpack_frames
@@ -50,6 +54,16 @@ def embed(encoder: Encoder, observations: Sequence[Observation]) -> Float[Tensor
         with autocast():
             parts.append(encoder(frames.to(device)).float())
     return torch.cat(parts)
+
+
+@cache
+def encoder_of(folder: Path) -> Encoder:
+    """The encoder in a folder, loaded once in a process.
+
+    Raises:
+        CheckpointError: there is none, or it is of another version.
+    """
+    return load_encoder(folder)
 
 
 def array_bytes(array: np.ndarray[Any, Any]) -> bytes:
@@ -89,13 +103,14 @@ class FeatureTable:
 
     Args:
         encoder: in evaluation mode.
+        noise: share of the pixels of every view that are dropped before it is embedded; goals have theirs.
 
     Attributes:
         table: float32 ``[row, feature]``, complete after :meth:`rows`.
     """
 
-    def __init__(self, encoder: Encoder) -> None:
-        self.encoder = encoder
+    def __init__(self, encoder: Encoder, noise: float = 0.0) -> None:
+        self.encoder, self.noise = encoder, noise
         self.table = torch.empty(0, encoder.config.feature, device=encoder.linear.weight.device)
         self._rows: dict[bytes, int] = {}
 
@@ -106,8 +121,13 @@ class FeatureTable:
         if new:
             for key in new:
                 self._rows[key] = len(self._rows)
-            self.table = torch.cat([self.table, embed(self.encoder, list(new.values()))])
+            self.table = torch.cat([self.table, embed(self.encoder, list(map(self._as_seen, new.values())))])
         return [self._rows[key] for key, _ in by_digest]
+
+    def _as_seen(self, observation: Observation) -> Observation:
+        if not self.noise or isinstance(observation, NoisyFrame):
+            return observation
+        return noisy(observation, self.noise)
 
     def executions(self, attempts: Sequence[Attempt], task: Task) -> list[Execution]:
         """What a repairer is told of these attempts."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,10 @@ import torch
 
 from evaps.dsl import Program
 from evaps.dsl.mutation import mutate
-from evaps.models import load_encoder
 from evaps.models.base import Execution
-from evaps.models.encoder import Encoder
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import Workers
-from evaps.synthesis.features import FeatureTable, array_bytes
+from evaps.synthesis.features import FeatureTable, array_bytes, encoder_of
 from evaps.synthesis.solution import attempt_all
 from evaps.tasks.dataset import Dataset, TaskPart, rows_bytes, task_parts
 from evaps.tasks.files import read_table
@@ -71,7 +68,7 @@ class MistakePart:
 def make_mistakes(robot: MemoRobot, part: MistakePart) -> Files:
     """Run the wrong programs of a part; what was seen."""
     torch.set_num_threads(1)  # every worker has one core
-    table = FeatureTable(_encoder(part.encoder))
+    table = FeatureTable(encoder_of(part.encoder))
     rng = np.random.default_rng([part.seed, 2, part.tasks.rows[0]["index"]])
     rows: list[dict[str, Any]] = []
     for gold, failures in zip(part.tasks.golds(), part.failures, strict=True):
@@ -79,11 +76,6 @@ def make_mistakes(robot: MemoRobot, part: MistakePart) -> Files:
         rows += _mistakes(gold, failures, part.mutations, robot, table, rng)
     embeddings = array_bytes(table.table.half().numpy())
     return {part.path.with_suffix(".npy"): embeddings, part.path: rows_bytes(rows, SCHEMA)}
-
-
-@cache
-def _encoder(folder: Path) -> Encoder:
-    return load_encoder(folder)
 
 
 def _mistakes(

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 
 from evaps.dsl import Program
 from evaps.models import Model
-from evaps.models.base import Repairer
+from evaps.models.base import Repairer, Synthesizer
 from evaps.models.beam import Proposal, beam_search
 from evaps.models.compute import autocast
+from evaps.models.inferred_trace import InferredTrace
 from evaps.robots.memo import MemoRobot
 from evaps.synthesis.budget import Meter
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt_all, best_first
+from evaps.synthesis.ways import WayTable, follow
 from evaps.tasks.task import Task
 
 ROUNDS = 5
@@ -25,14 +28,21 @@ def propose(
     model: Model, table: FeatureTable, task: Task, robot: MemoRobot, beam: int = BEAM
 ) -> list[Proposal]:
     """The synthesizer's programs for a task, most probable first."""
+    with autocast():
+        return beam_search(model.synthesizer, _given(model.synthesizer, table, task, robot), beam)[0]
+
+
+def _given(synthesizer: Synthesizer, table: FeatureTable, task: Task, robot: MemoRobot) -> Any:
+    """What the synthesizer is told: the features of the pairs, or the ways that it went."""
+    if isinstance(synthesizer, InferredTrace):
+        ways = follow(synthesizer.policy, task, robot, table)
+        return WayTable.of([ways], table.table).batch([0], table.table.device)
     firsts = []
     for example in task.examples:
         robot.reset(example.scene)
         firsts.append(robot.observe())
     first, goal = table.rows(firsts), table.rows(example.goal for example in task.examples)
-    features = torch.stack([table.table[first], table.table[goal]], 1)[None]
-    with autocast():
-        return beam_search(model.synthesizer, features, beam)[0]
+    return torch.stack([table.table[first], table.table[goal]], 1)[None]
 
 
 def repair_all(
@@ -76,7 +86,7 @@ def synthesize_with(
     the synthesizer's order. In :attr:`Solution.all_candidates` each has all its attempts.
     """
     meter = Meter(robot)
-    table = FeatureTable(model.encoder)
+    table = FeatureTable(model.encoder, task.noise)
     proposals = propose(model, table, task, robot, max(beam, top_k))[:top_k]
     chains = [[attempt] for attempt in attempt_all([p.program for p in proposals], task, robot)]
     if model.repairer is not None:

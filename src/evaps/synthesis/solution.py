@@ -8,8 +8,9 @@ from typing import Any
 
 from evaps.dsl import Program, Trace, run
 from evaps.robots.base import Robot, Scene
-from evaps.robots.frames import Observation, frame_match
+from evaps.robots.frames import Observation
 from evaps.robots.memo import MemoRobot
+from evaps.robots.noise import goal_match
 from evaps.robots.together import run_together
 from evaps.tasks.task import Task
 
@@ -21,7 +22,8 @@ class Attempt:
     Attributes:
         program: what was run.
         traces: what happened, a trace for each example.
-        passed: for each example, whether the run halted and its last view equals the goal (frame match).
+        passed: for each example, whether the run halted and its last view equals the goal (frame match; of a
+            noisy goal on valid pixels).
     """
 
     program: Program
@@ -138,9 +140,7 @@ def attempt_all(programs: Sequence[Program], task: Task, robot: MemoRobot) -> li
 
 def _attempt(program: Program, task: Task, traces: Sequence[Trace[Observation]]) -> Attempt:
     goals = [example.goal for example in task.examples]
-    passed = tuple(
-        t.halted and frame_match(t.observations[-1], g) for t, g in zip(traces, goals, strict=True)
-    )
+    passed = tuple(t.halted and goal_match(t.observations[-1], g) for t, g in zip(traces, goals, strict=True))
     return Attempt(program, tuple(traces), passed)
 
 

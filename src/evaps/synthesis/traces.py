@@ -14,8 +14,8 @@ from itertools import count
 
 from evaps.dsl.sampler import ACTIONS
 from evaps.models.inverse import AXES, InverseModel, effect
-from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot, Node
+from evaps.robots.noise import goal_match
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.graph import Graph
 from evaps.tasks.task import Example, Task
@@ -45,7 +45,6 @@ class SceneSearch:
     Attributes:
         example: where it starts and what it looks for.
         root: the start.
-        goal: digest of what it looks for.
         known: the places that were reached, with how many actions are left from each (estimated).
         goals: places that look like the goal.
         queue: actions that nobody has tried, the most promising first.
@@ -57,7 +56,6 @@ class SceneSearch:
 
     example: Example
     root: Node
-    goal: bytes
     known: dict[Node, float] = field(default_factory=dict)
     goals: list[Node] = field(default_factory=list)
     queue: list[tuple[float, int, Node, str]] = field(default_factory=list)
@@ -114,7 +112,7 @@ class TraceSearch:
 
     def _begin(self, example: Example) -> SceneSearch:
         self.robot.reset(example.scene)
-        return SceneSearch(example, self.robot.node, digest(example.goal))
+        return SceneSearch(example, self.robot.node)
 
     def step(self, slack: float | None = None) -> bool:
         """Try some more actions in every scene where the goal was not reached.
@@ -180,7 +178,7 @@ class TraceSearch:
                 if node not in scene.known:
                     scene.known[node] = 0.0
                     new.append((scene, node))
-                    if node.view.digest == scene.goal:
+                    if goal_match(node.view, scene.example.goal):
                         self._found(scene, node)
         if not new:
             return

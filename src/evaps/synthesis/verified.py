@@ -95,7 +95,7 @@ class _Search:
         assert model.inverse is not None
         self.model, self.task, self.robot, self.budget, self.parts = model, task, robot, budget, parts
         self.meter = Meter(robot)
-        self.table = FeatureTable(model.encoder)
+        self.table = FeatureTable(model.encoder, task.noise)
         self.traces = TraceSearch(task, robot, self.table, model.inverse, parts.guide, parts.sharing)
         self.proposals: list[Program] = []
 

@@ -16,6 +16,7 @@ from PIL import Image as Picture
 from evaps.dsl import Program, UserError
 from evaps.robots.base import Scene, SceneError, WorldState
 from evaps.robots.frames import Image, Observation, RgbFrame
+from evaps.robots.noise import noisy
 from evaps.robots.scenes import validate
 from evaps.tasks.files import read_json
 
@@ -37,10 +38,22 @@ class Example:
 
 @dataclass(frozen=True)
 class Task:
-    """All that a method sees: the specification examples of one unknown program."""
+    """All that a method sees: the specification examples of one unknown program.
+
+    Attributes:
+        name: what it is called.
+        examples: scenes and goals.
+        noise: share of the pixels that are invalid in everything that the robot sees, goals included.
+    """
 
     name: str
     examples: tuple[Example, ...]
+    noise: float = 0.0
+
+    def with_noise(self, share: float) -> Task:
+        """The same task, seen through noise."""
+        seen = (Example(e.scene, noisy(e.goal, share)) for e in self.examples)
+        return Task(self.name, tuple(seen), share)
 
 
 @dataclass(frozen=True)

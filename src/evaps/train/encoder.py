@@ -27,7 +27,7 @@ MOST_NOISE = 0.2  # share of pixels that are dropped from half of the frames
 
 
 def train_encoder(run: Run) -> Path:
-    """Learn the embedding space; the embedding of pairs gets a checkpoint of its own."""
+    """Learn the embedding space."""
     walks = find_walks(run)
     torch.manual_seed(run.seed)
     model = TransitionModel(EncoderConfig()).to(device())
@@ -43,7 +43,6 @@ def train_encoder(run: Run) -> Path:
         run.made_from(model),
         run.tensorboard,
     )
-    run.save(model.pair, "pair", config, metrics)
     return run.save(model.encoder, "encoder", config, metrics)
 
 

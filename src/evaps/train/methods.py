@@ -11,14 +11,17 @@ from evaps.models import METHODS, PROPOSER, is_repairer, new_method
 from evaps.models.base import Synthesizer
 from evaps.models.checkpoint import CheckpointError, load_weights
 from evaps.models.compute import device
+from evaps.models.inferred_trace import InferredTrace
 from evaps.robots.workers import TWO, Workers
 from evaps.tasks.dataset import Dataset
 from evaps.train.encoder import train_encoder
+from evaps.train.inferred_trace import train_inferred_trace
 from evaps.train.inverse import train_inverse
 from evaps.train.repairers import train_repairer
+from evaps.train.rewards import train_on_rewards
 from evaps.train.run import Run
 from evaps.train.scale import SCALES
-from evaps.train.synthesizers import train_on_rewards, train_synthesizer
+from evaps.train.synthesizers import train_synthesizer
 
 
 def train(
@@ -30,7 +33,7 @@ def train(
     workers: Workers = TWO,
     tensorboard: bool = False,
 ) -> Path:
-    """Train a method, or go on with it; needs what comes before it: encoder, synthesizer, repairer.
+    """Train a method, or go on with it; needs what comes before it: encoder, inverse model, synthesizer.
 
     Args:
         method: ``"encoder"``, ``"inverse"`` or a name in METHODS.
@@ -53,17 +56,20 @@ def train(
     run = Run(Dataset(data), out, scale, seed, workers, tensorboard)
     if method == "encoder":
         return train_encoder(run)
+    start = None
+    if method != "inverse":
+        start = PROPOSER if is_repairer(method) else METHODS[method].start
+    for needed in ("encoder", "inverse", start):
+        if needed not in (None, method):
+            _check_there(out, str(needed), method, data)
     if method == "inverse":
-        _check_there(out, "encoder", method, data)
         return train_inverse(run)
-    start = PROPOSER if is_repairer(method) else METHODS[method].start
-    for needed in ("encoder", start):
-        if needed is not None:
-            _check_there(out, needed, method, data)
     torch.manual_seed(seed)
     model = new_method(method).to(device())
     if not isinstance(model, Synthesizer):
         return train_repairer(run, model)
+    if isinstance(model, InferredTrace):
+        return train_inferred_trace(run, model)
     if start is None:
         return train_synthesizer(run, model)
     return train_on_rewards(run, load_weights(out / start, model), start)

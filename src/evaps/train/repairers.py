@@ -28,14 +28,14 @@ def train_repairer(run: Run, model: Repairer) -> Path:
     """Cross-entropy of the edits that lead to the gold program: SED's two stages (Gupta et al., 2020)."""
     run.start_from_pairs(model)
     train, held = (find_mistakes(run, split) for split in ("train", "validation"))
-    first, second = run.scale.evaps_steps
+    first, second = run.scale.repairer_steps
     config = FitConfig(
         first + second, rate=1e-3, seed=run.seed, validate_every=300, patience=run.scale.patience
     )
-    made_from = run.made_from(model, "encoder", "pair", PROPOSER)
+    made_from = run.made_from(model, "encoder", "inverse", PROPOSER)
     stages = [np.flatnonzero(np.array(train.stages) == stage) for stage in (1, 2)]
     lengths = [[len(train.targets[i].tokens) for i in stage] for stage in stages]
-    orders = [batch_at(sizes, run.scale.evaps_batch, run.seed) for sizes in lengths]
+    orders = [batch_at(sizes, run.scale.repairer_batch, run.seed) for sizes in lengths]
     table, held_table = (torch.from_numpy(m.table).to(device()) for m in (train, held))
 
     def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
@@ -88,7 +88,8 @@ def mistake_loss(model: Repairer, mistakes: Mistakes, rows: Iterable[int], table
     used = used[used >= 0]
     small = [e.renumbered(used) for e in executions]
     targets = [mistakes.targets[i] for i in rows]
-    return model.loss(small, targets, table[torch.from_numpy(used).to(table.device)].float())
+    batch = model.batch(small, targets, table.device)
+    return model.batch_loss(batch, table[torch.from_numpy(used).to(table.device)].float())
 
 
 def _mean_loss(model: Repairer, mistakes: Mistakes, table: Tensor) -> float:

@@ -16,13 +16,15 @@ import torch
 from accelerate import PartialState
 
 from evaps.dsl import VOCAB, Program
-from evaps.models import load_encoder
+from evaps.models import load_encoder, load_inverse
 from evaps.models.base import Synthesizer
 from evaps.models.beam import beam_search
-from evaps.models.checkpoint import hash_of, load_weights, read_config, save_checkpoint
+from evaps.models.checkpoint import hash_of, save_checkpoint
 from evaps.models.compute import autocast, device, precision
+from evaps.models.pairs import PairEmbedding
 from evaps.robots.workers import Workers
 from evaps.synthesis.features import dataset_features
+from evaps.synthesis.ways import WayTable
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.identity import code_version
 from evaps.tasks.task import EXAMPLES
@@ -51,6 +53,7 @@ class Run:
         self.dataset, self.out, self.seed, self.workers = dataset, out, seed, workers
         self.scale_name, self.scale = scale, SCALES[scale]
         self.tensorboard = tensorboard
+        self.ways: tuple[WayTable, dict[int, int]] | None = None  # and the row of each position
         self._start, self._commit = time.monotonic(), code_version()
 
     @cached_property
@@ -87,12 +90,20 @@ class Run:
         )
         return torch.from_numpy(chosen.astype(np.float32)).to(device())
 
+    def given(self, model: Synthesizer, positions: Sequence[int], pairs: Any = slice(EXAMPLES)) -> Any:
+        """What a synthesizer is told of tasks: its ways if it acts, else features (:meth:`task_features`)."""
+        if model.acts:
+            assert self.ways is not None, "ways are recorded before anything is learned from them"
+            ways, row_of = self.ways
+            return ways.batch([row_of[p] for p in positions], device())
+        return self.task_features(positions, pairs)
+
     def beam(self, model: Synthesizer, positions: Sequence[int], beam: int) -> Iterator[list[Program]]:
         """The synthesizer's programs for tasks, from their five specification examples, best first."""
         for start in range(0, len(positions), DECODED_TOGETHER):
-            features = self.task_features(positions[start : start + DECODED_TOGETHER])
+            given = self.given(model, positions[start : start + DECODED_TOGETHER])
             with autocast():
-                proposals = beam_search(model, features, beam)
+                proposals = beam_search(model, given, beam)
             yield from ([p.program for p in group] for group in proposals)
 
     def made_from(self, model: Any, *checkpoints: str) -> dict[str, Any]:
@@ -105,10 +116,11 @@ class Run:
         }
 
     def start_from_pairs(self, model: torch.nn.Module) -> None:
-        """The embedding of pairs starts from stage 0's, which has seen far more pairs than there are."""
-        folder = self.out / "pair"
-        read_config(folder, "pair")
-        load_weights(folder, model.get_submodule("pair"))
+        """The embedding of pairs starts from the inverse model's, which has seen far more pairs."""
+        weights = load_inverse(self.out / "inverse").pair.state_dict()
+        for module in model.modules():
+            if isinstance(module, PairEmbedding):
+                module.load_state_dict(weights)
 
     def save(self, model: torch.nn.Module, name: str, config: FitConfig, metrics: dict[str, float]) -> Path:
         """Write a checkpoint, with the facts of its making."""

@@ -21,9 +21,9 @@ class Scale:
     """Walks in one of them; each has 9 frames and 36 pairs of them."""
     inverse_steps: int
     """Batches for the inverse model."""
-    lgrl_steps: int
-    """Batches for LGRL."""
-    lgrl_batch: int
+    synthesizer_steps: int
+    """Batches for a synthesizer."""
+    synthesizer_batch: int
     """Tasks in one of them."""
     rl_steps: int
     """Batches of reinforcement learning."""
@@ -33,6 +33,10 @@ class Scale:
     """Programs of each of these that are run."""
     rl_draws: int
     """Draws in a bag, of which the best counts."""
+    policy_tasks: int
+    """Training tasks whose gold programs Inferred Trace's policy learns from."""
+    policy_steps: int
+    """Batches for it."""
     retrained_tasks: int
     """Training tasks on which Latent Execution may find targets of its own."""
     patience: int
@@ -43,9 +47,9 @@ class Scale:
     """Mutated programs a task (stage 1)."""
     failures: int
     """Failed programs of the synthesizer a task (stage 2)."""
-    evaps_steps: tuple[int, int]
-    """Batches for EVAPS in stage 1 and in stage 2."""
-    evaps_batch: int
+    repairer_steps: tuple[int, int]
+    """Batches for a repairer in stage 1 and in stage 2."""
+    repairer_batch: int
     """Wrong programs in one of them."""
 
 
@@ -57,19 +61,21 @@ SCALES = {
         encoder_steps=4,
         encoder_batch=8,
         inverse_steps=4,
-        lgrl_steps=8,
-        lgrl_batch=8,
+        synthesizer_steps=8,
+        synthesizer_batch=8,
         rl_steps=3,
         rl_batch=4,
         rl_beam=4,
         rl_draws=2,
+        policy_tasks=20,
+        policy_steps=6,
         retrained_tasks=20,
         patience=5,
         mistake_tasks=10,
         mutations=1,
         failures=2,
-        evaps_steps=(4, 4),
-        evaps_batch=8,
+        repairer_steps=(4, 4),
+        repairer_batch=8,
     ),
     "small": Scale(
         tasks=20_000,
@@ -78,19 +84,21 @@ SCALES = {
         encoder_steps=7_500,
         encoder_batch=16,
         inverse_steps=8_000,
-        lgrl_steps=1_500,
-        lgrl_batch=128,
+        synthesizer_steps=4_000,
+        synthesizer_batch=32,
         rl_steps=200,
         rl_batch=16,
         rl_beam=16,
         rl_draws=5,
+        policy_tasks=4_000,
+        policy_steps=2_000,
         retrained_tasks=4_000,
         patience=5,
-        mistake_tasks=10_000,
+        mistake_tasks=6_000,
         mutations=1,
         failures=2,
-        evaps_steps=(300, 1_800),
-        evaps_batch=64,
+        repairer_steps=(400, 1_600),
+        repairer_batch=32,
     ),
     "paper": Scale(
         tasks=100_000,
@@ -99,18 +107,20 @@ SCALES = {
         encoder_steps=40_000,
         encoder_batch=16,
         inverse_steps=60_000,
-        lgrl_steps=30_000,
-        lgrl_batch=128,
+        synthesizer_steps=30_000,
+        synthesizer_batch=128,
         rl_steps=5_000,
         rl_batch=16,
         rl_beam=64,
         rl_draws=5,
+        policy_tasks=70_000,
+        policy_steps=20_000,
         retrained_tasks=70_000,
         patience=10,
         mistake_tasks=70_000,
         mutations=2,
         failures=3,
-        evaps_steps=(10_000, 20_000),
-        evaps_batch=64,
+        repairer_steps=(10_000, 20_000),
+        repairer_batch=64,
     ),
 }

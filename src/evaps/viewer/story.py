@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
 
@@ -18,10 +18,17 @@ if TYPE_CHECKING:  # else a page would load torch
 
 @dataclass(frozen=True)
 class TaskReport:
-    """A task and the answer to it: what a report shows."""
+    """A task and the answer to it: what a report shows.
+
+    Attributes:
+        task: the specification.
+        solution: the answer.
+        notes: what else is known of it, by a word or two that stands beside it.
+    """
 
     task: Task
     solution: Solution
+    notes: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

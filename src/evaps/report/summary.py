@@ -1,4 +1,4 @@
-"""Tables from evaluation rows."""
+"""Short tables for pages and the terminal, from evaluation rows."""
 
 from __future__ import annotations
 
@@ -8,43 +8,28 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 
-from evaps.metrics import METRICS, TOP, answer_rows, paired_difference, summarize
+from evaps.metrics import METRICS, TOP, Results
+from evaps.report.names import NAMES
 from evaps.tasks.info import STEP_BUCKETS
 from evaps.tasks.task import EXAMPLES
 
-NAMES = {
-    "lgrl": "LGRL",
-    "evaps": "EVAPS (repairs LGRL's candidates)",
-    "verified": "verified synthesis",
-    "verified-no-guide": "without the inverse model",
-    "verified-no-sharing": "without sharing among scenes",
-    "verified-no-beam": "without LGRL's beam",
-    "enumeration": "enumeration of programs by cost",
-    "blind": "blind: programs drawn from the prior",
-}
 TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state": "generalization"}
 
 
 def summary_table(rows: Path) -> str:
     """Markdown: for each method the metrics at top-1 / 5 / 20 and its answer in %, and its cost a task."""
+    results = Results.read(rows)
     head = ["method", *(TITLES[m] for m in METRICS), "answer", "seconds", "simulated actions"]
     lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
-    for line in summarize(rows):
-        matches = [" / ".join(f"{line[f'{metric}@{k}']:.1f}" for k in TOP) for metric in METRICS]
-        costs = [f"{line['answer']:.1f}", f"{line['seconds']:.2f}", f"{line['simulated_actions']:.0f}"]
-        lines.append(f"| {' | '.join([NAMES.get(line['method'], line['method']), *matches, *costs])} |")
+    for run in results.each():
+        matches = [
+            " / ".join(f"{100 * run.matches(metric, k).mean():.1f}" for k in TOP) for metric in METRICS
+        ]
+        costs = [f"{100 * run.answered().mean():.1f}", f"{run.column('seconds').mean():.2f}"]
+        costs.append(f"{run.column('simulated_actions').mean():.0f}")
+        lines.append(f"| {' | '.join([NAMES.get(run.method, run.method), *matches, *costs])} |")
     return "\n".join(lines)
-
-
-def difference_line(rows: Path, better: str = "evaps", worse: str = "lgrl") -> str:
-    """One sentence: how much better the first method's first answer generalizes, with its interval."""
-    mean, low, high = paired_difference(rows, better, worse, "generalization_state", 1)
-    return (
-        f"Generalization at top-1, {NAMES[better].split(' (')[0]} minus {NAMES[worse]}: {mean:+.1f} points, "
-        f"95 % interval [{low:+.1f}, {high:+.1f}] (paired bootstrap over tasks)."
-    )
 
 
 def answer_table(rows: Sequence[Path]) -> str:
@@ -61,8 +46,8 @@ def answer_table(rows: Sequence[Path]) -> str:
     ]
     lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
     for path in rows:
-        for method in dict.fromkeys(pq.read_table(path, columns=["method"])["method"].to_pylist()):
-            answers = list(answer_rows(path, method).values())
+        for run in Results.read(path).each():
+            method, answers = run.method, run.answers()
             solved = [row["pairs_passed"] == EXAMPLES for row in answers]
             right = [row["generalization_state"] for row in answers]
             seconds = np.percentile([row["seconds"] for row in answers], [50, 95])
@@ -75,7 +60,7 @@ def answer_table(rows: Sequence[Path]) -> str:
 
 def steps_table(rows: Path, method: str) -> str:
     """Markdown: how often a method's answer passes and generalizes, by the steps of the task."""
-    answers = list(answer_rows(rows, method).values())
+    answers = Results.read(rows).first(method).answers()
     lines = ["| steps | tasks | passes all five | generalizes |", "|---|---:|---:|---:|"]
     for bucket, name in enumerate(STEP_BUCKETS):
         there = [row for row in answers if min(row["steps"], 7) - 2 == bucket]
@@ -86,7 +71,7 @@ def steps_table(rows: Path, method: str) -> str:
 
 def budget_table(rows: Path, method: str) -> str:
     """Markdown: the share of tasks with an answer that passes all five, and generalizes, within a budget."""
-    answers = list(answer_rows(rows, method).values())
+    answers = Results.read(rows).first(method).answers()
     lines = ["| within | passes all five | generalizes |", "|---|---:|---:|"]
     limits: list[tuple[str, float, str]] = [
         *(("simulated_actions", n, f"{n:,} actions") for n in (30, 100, 300, 1_000, 3_000, 10_000)),
@@ -101,7 +86,7 @@ def budget_table(rows: Path, method: str) -> str:
 
 def confidence_table(rows: Path, method: str) -> str:
     """Markdown: how often answers of a confidence generalize, of those that pass all five."""
-    answers = [r for r in answer_rows(rows, method).values() if r["pairs_passed"] == EXAMPLES]
+    answers = [r for r in Results.read(rows).first(method).answers() if r["pairs_passed"] == EXAMPLES]
     lines = ["| confidence | answers | generalize |", "|---|---:|---:|"]
     for low, high in ((0.0, 0.5), (0.5, 0.7), (0.7, 0.9), (0.9, 1.0), (1.0, 1.1)):
         there = [row for row in answers if low <= row["confidence"] + 1e-6 < high]

@@ -1,0 +1,178 @@
+"""The paper's evaluation: data, trainings, rows, tables and figures, at one of three scales.
+
+    python -m recipes.paper                        # small: all methods, one seed; resumes where it was
+    python -m recipes.paper --seeds 0 1 2          # with deviations over seeds
+    python -m recipes.paper --methods lgrl evaps   # some of the methods
+    python -m recipes.paper --retrain              # not from the shipped checkpoints
+    python -m recipes.paper --ship                 # and put LGRL's and EVAPS's in their place
+
+`make paper SCALE=small` is the first of these. On two cores without a graphics card small takes 15 minutes
+for the data, 15 to 45 for each training, and 5 to 20 for each method's 1,000 test tasks.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import tyro
+
+from evaps.evaluate import evaluate
+from evaps.metrics import Results
+from evaps.models import METHODS, PROPOSER, SHIPPED, needed_for
+from evaps.models.checkpoint import hash_of
+from evaps.report import report
+from evaps.report.summary import summary_table
+from evaps.report.tables import differences
+from evaps.robots.workers import Workers
+from evaps.tasks.build import generate
+from evaps.tasks.identity import short_hash
+from evaps.train import train
+from evaps.train.scale import SCALES
+from recipes.pages import put
+
+DATA_SEED = 0
+PAPER = (
+    PROPOSER,
+    "lgrl-rl",
+    "transformer",
+    "inferred-trace",
+    "latent-execution",
+    "sed",
+    "naive",
+    "evaps-o",
+    "evaps-s",
+    "evaps",
+)
+"""The rows of the paper's tables; whoever starts from another one comes after it."""
+NOISE = (0.05, 0.1, 0.15, 0.2)
+NOISY = (PROPOSER, "evaps")
+SHIP = ("encoder", "inverse", PROPOSER, "evaps")
+"""The checkpoints that come with the package."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is made."""
+
+    scale: str = "small"
+    """smoke, small or paper."""
+    seeds: tuple[int, ...] = (0,)
+    """Of the trainings."""
+    methods: tuple[str, ...] = PAPER
+    """Who is trained and judged."""
+    tasks: int = 1_000
+    """Test tasks."""
+    noise: bool = False
+    """Judge LGRL and EVAPS with noise, too: four times more."""
+    retrain: bool = False
+    """Train what is shipped, too."""
+    ship: bool = False
+    """Put the checkpoints of SHIP into the package."""
+    workers: int = 2
+    """Processes that simulate; 0 for none beside this one."""
+    root: Path = Path()
+    """Folder that data, runs and results are in."""
+
+    @property
+    def data(self) -> Path:
+        """Folder of the data set."""
+        return self.root / "data" / self.scale
+
+    @property
+    def results(self) -> Path:
+        """Folder of rows, learning curves and reports."""
+        return self.root / "results" / self.scale
+
+    def runs(self, seed: int) -> Path:
+        """Folder of a seed's checkpoints."""
+        return self.root / "runs" / f"{self.scale}-{seed}"
+
+
+def make(plan: Plan) -> None:
+    """All steps in order; each goes on where it was interrupted."""
+    make_data(plan)
+    for seed in plan.seeds:
+        for method in _with_what_is_needed(plan.methods):
+            make_checkpoint(plan, seed, method)
+        for method in plan.methods:
+            make_rows(plan, seed, method)
+        for method in set(NOISY) & set(plan.methods) if plan.noise else ():
+            for share in NOISE:
+                make_rows(plan, seed, method, share)
+    for method in SHIP if plan.ship else ():
+        ship(plan, method)
+    report("all", plan.results / "methods", plan.results / "report")
+
+
+def _with_what_is_needed(methods: tuple[str, ...]) -> list[str]:
+    """All that has to be trained, in order."""
+    needed = ["encoder", "inverse"]
+    for method in methods:
+        if method in METHODS and (start := METHODS[method].start):
+            needed.append(start)
+        needed += needed_for(method)
+    return list(dict.fromkeys(needed))
+
+
+def make_data(plan: Plan) -> None:
+    """`evaps generate DATA --tasks N --seed 0`."""
+    generate(plan.data, SCALES[plan.scale].tasks, DATA_SEED, Workers(plan.workers))
+
+
+def make_checkpoint(plan: Plan, seed: int, method: str) -> None:
+    """Take what is shipped, or train it: `evaps train METHOD --data DATA --out RUNS --seed SEED`."""
+    folder = plan.runs(seed) / method
+    shipped = SHIPPED / plan.scale / method
+    if not folder.exists() and seed == 0 and shipped.is_dir() and not plan.retrain:
+        shutil.copytree(shipped, folder)
+    if not (folder / "config.json").exists():
+        train(method, plan.data, plan.runs(seed), plan.scale, seed, Workers(plan.workers))
+    if (metrics := folder / "metrics.jsonl").exists() and method in METHODS:
+        target = plan.results / "methods" / "curves" / f"{method}-{seed}.jsonl"
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(metrics, target)
+
+
+def ship(plan: Plan, method: str) -> None:
+    """Copy a checkpoint of seed 0 to those that come with evaps."""
+    target = SHIPPED / plan.scale / method
+    target.mkdir(parents=True, exist_ok=True)
+    for name in ("config.json", "model.safetensors"):
+        shutil.copy(plan.runs(0) / method / name, target / name)
+
+
+def make_rows(plan: Plan, seed: int, method: str, noise: float = 0.0) -> None:
+    """`evaps evaluate --methods METHOD [--noise SHARE]`, unless there are rows of these very weights."""
+    rows = plan.results / "methods"
+    path = rows / f"{method}-{seed}.parquet"
+    if noise:
+        path = rows / "noise" / f"{method}-{seed}-{100 * noise:.0f}.parquet"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    runs = plan.runs(seed)
+    weights = short_hash([hash_of(runs / name) for name in dict.fromkeys(needed_for(method))])
+    if path.exists() and set(pq.read_table(path, columns=["weights"])["weights"].to_pylist()) == {weights}:
+        return
+    workers = Workers(plan.workers)
+    evaluate(plan.data, path, str(runs), (method,), tasks=plan.tasks, workers=workers, noise=noise)
+
+
+def readme_table(results: Path) -> str:
+    """The README's table, and what may be said of its differences."""
+    rows = results / "methods"
+    found = Results.read(rows)
+    others = [m for m in found.methods if m != "evaps"]
+    return "\n\n".join([summary_table(rows), *differences(found, "evaps", others)])
+
+
+def main(plan: Plan) -> None:
+    """Make it, and at small scale put the table into the README."""
+    make(plan)
+    if plan.scale == "small":
+        put(Path("README.md"), "results/small/methods", readme_table(plan.results))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Plan))

@@ -1,0 +1,34 @@
+"""``evaps report``: tables and figures from evaluation rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from evaps.cli.command import Command
+
+
+@dataclass(frozen=True)
+class Report(Command):
+    """Make a table or a figure from the rows of `evaps evaluate`.
+
+    Tables become Markdown, LaTeX and CSV, figures PNG and SVG: table-1, table-2, frames, complexity,
+    candidates, actions, seconds, rounds, effects, edits, noise, learning; or all.
+    """
+
+    name: Positional[str]
+    """Of the report, or all."""
+    rows: Annotated[Path, arg(metavar="PATH")]
+    """A Parquet file of rows, or a folder of such files."""
+    out: Annotated[Path, arg(metavar="DIR")] = Path("report")
+    """Folder for what is made."""
+
+    def run(self) -> None:
+        """Make it, and print the names of the files."""
+        from evaps.report import report
+
+        for path in report(self.name, self.rows, self.out):
+            print(path)

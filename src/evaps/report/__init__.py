@@ -1,0 +1,84 @@
+"""Tables and figures from evaluation rows, by their names: as Markdown, LaTeX, CSV, PNG and SVG."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from evaps.dsl import UserError
+from evaps.files import write_atomically
+from evaps.metrics import Results
+from evaps.report import curves, repairs, tables
+from evaps.report.figure import Figure
+from evaps.report.table import Table
+
+Item = Table | Figure
+REPORTS: dict[str, Callable[[Results], Item | list[Table]]] = {
+    "table-1": tables.table_1,
+    "table-2": tables.table_2,
+    "frames": tables.frames,
+    "complexity": curves.complexity,
+    "candidates": curves.candidates,
+    "actions": curves.actions,
+    "seconds": curves.seconds,
+    "rounds": repairs.rounds,
+    "effects": repairs.effects,
+    "edits": repairs.edits,
+}
+"""Every report by its name."""
+NOISE = "noise"
+"""The report that needs rows with noise, ``ROWS/noise/*.parquet``, beside those without."""
+LEARNING = "learning"
+"""The report that is made of ``ROWS/curves/METHOD-SEED.jsonl``, the metrics of trainings."""
+
+
+def report(name: str, rows: Path, out: Path) -> list[Path]:
+    """Make a report, or all of them; the files that were written.
+
+    Args:
+        name: in REPORTS, LEARNING, or ``"all"``.
+        rows: a file of evaluation rows, or a folder of such files.
+        out: folder of the files.
+
+    Raises:
+        UserError: there is no such report, there are no rows, or a library is missing.
+    """
+    known = (*REPORTS, NOISE, LEARNING)
+    if name not in (*known, "all"):
+        raise UserError(f"there is no report {name!r}; known are {', '.join((*known, 'all'))}")
+    written = []
+    for each in (*REPORTS, *_further(rows)) if name == "all" else (name,):
+        written += _write(each, _make(each, rows), out)
+    return written
+
+
+def _further(rows: Path) -> list[str]:
+    """The reports for which there is more than rows."""
+    return [name for name, folder in ((NOISE, "noise"), (LEARNING, "curves")) if (rows / folder).is_dir()]
+
+
+def _make(name: str, rows: Path) -> Item | list[Table]:
+    if name == LEARNING:
+        if LEARNING not in _further(rows):
+            raise UserError(f"{rows / 'curves'} holds no METHOD-SEED.jsonl, the metrics.jsonl of trainings")
+        return curves.learning(rows / "curves")
+    results = Results.read(rows)
+    return (
+        curves.noise(results, Results.by_noise(rows / "noise")) if name == NOISE else REPORTS[name](results)
+    )
+
+
+def _write(name: str, made: Item | list[Table], out: Path) -> list[Path]:
+    if isinstance(made, Figure):
+        files = {f"{name}.{kind}": made.draw(kind) for kind in ("png", "svg")}
+    else:
+        made = made if isinstance(made, list) else [made]
+        texts = {
+            "md": "\n".join(t.markdown() for t in made),
+            "tex": "\n".join(t.latex() for t in made),
+            "csv": "\n".join(t.csv() for t in made),
+        }
+        files = {f"{name}.{kind}": text.encode() for kind, text in texts.items()}
+    for file, content in files.items():
+        write_atomically(out / file, content)
+    return [out / file for file in files]

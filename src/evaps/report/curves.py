@@ -1,0 +1,114 @@
+"""Figures over something that grows: candidates, budgets, training."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from evaps.metrics import MethodResults, Results, bootstrap
+from evaps.report.figure import Figure, Line
+from evaps.report.names import NAMES
+from evaps.tasks.info import STEP_BUCKETS
+from evaps.tasks.task import EXAMPLES
+
+MOST = 20
+BAND_DRAWS = 1_000
+
+
+def complexity(results: Results) -> Figure:
+    """Generalization among the first 1 to 20 candidates, for tasks of so many steps."""
+    panels = {}
+    for bucket, name in enumerate(STEP_BUCKETS):
+        lines = {}
+        for method, runs in results.by_method.items():
+            there = [np.clip(run.column("steps"), 2, 7) - 2 == bucket for run in runs]
+            if all(chosen.any() for chosen in there):
+                shares = [
+                    np.mean([100 * _right(run, k)[c].mean() for run, c in zip(runs, there, strict=True)])
+                    for k in range(1, MOST + 1)
+                ]
+                lines[NAMES.get(method, method)] = Line(range(1, MOST + 1), shares)
+        panels[f"{name} steps"] = lines
+    return Figure(panels, "candidates", "generalization (%)")
+
+
+def candidates(results: Results) -> Figure:
+    """Generalization among the first 1 to 20 candidates, with 95 % intervals."""
+    return Figure({"all tasks": _bands(results, results.methods)}, "candidates", "generalization (%)")
+
+
+def _bands(results: Results, methods: Collection[str]) -> dict[str, Line]:
+    lines = {}
+    for method, runs in results.by_method.items():
+        if method not in methods:
+            continue
+        found = [
+            bootstrap(np.stack([100.0 * _right(run, k) for run in runs]), draws=BAND_DRAWS)
+            for k in range(1, MOST + 1)
+        ]
+        means, lows, highs = zip(*found, strict=True)
+        lines[NAMES.get(method, method)] = Line(range(1, MOST + 1), means, lows, highs)
+    return lines
+
+
+def _right(run: MethodResults, k: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    return run.matches("generalization_state", k)
+
+
+def noise(clean: Results, by_share: Mapping[float, Results]) -> Figure:
+    """Generalization among the first 1 to 20 candidates, a panel for each share of invalid pixels.
+
+    Args:
+        clean: the results without noise.
+        by_share: those with noise; a method without any is left out.
+    """
+    judged = {method for results in by_share.values() for method in results.methods}
+    panels = {}
+    for share, results in {0.0: clean, **dict(sorted(by_share.items()))}.items():
+        panels[f"{100 * share:.0f} % of the pixels invalid"] = _bands(results, judged)
+    return Figure(panels, "candidates", "generalization (%)")
+
+
+def actions(results: Results) -> Figure:
+    """How many tasks have an answer that passes and generalizes, against the actions that were simulated."""
+    return _budget(results, "simulated_actions", np.geomspace(10, 10_000, 25), "simulated actions")
+
+
+def seconds(results: Results) -> Figure:
+    """How many tasks have an answer that passes and generalizes, against the seconds that it took."""
+    return _budget(results, "seconds", np.geomspace(0.1, 100, 25), "seconds")
+
+
+def _budget(
+    results: Results, key: str, limits: np.ndarray[tuple[int], np.dtype[np.float64]], name: str
+) -> Figure:
+    lines = {}
+    for method in results.methods:
+        answers = [row for run in results.by_method[method] for row in run.answers()]
+        right = np.array([r["pairs_passed"] == EXAMPLES and r["generalization_state"] for r in answers])
+        cost = np.array([r[key] for r in answers])
+        shares = [100 * float((right & (cost <= limit)).mean()) for limit in limits]
+        lines[NAMES.get(method, method)] = Line(limits.tolist(), shares)
+    return Figure({"answers": lines}, name, "answers that generalize (%)", log=True)
+
+
+def learning(folder: Path) -> Figure:
+    """Validation against batches, from the metrics of trainings, ``METHOD-SEED.jsonl``.
+
+    Args:
+        folder: of these files.
+    """
+    panels: dict[str, dict[str, Line]] = {"loss": {}, "solved by the first four programs (%)": {}}
+    for path in sorted(folder.glob("*.jsonl")):
+        rows = [json.loads(line) for line in path.read_text().splitlines()]
+        name = path.stem.rpartition("-")[0]
+        found = [row for row in rows if "validation_solved" in row]
+        steps = [row["step"] for row in found]
+        label = NAMES.get(name, name)
+        panels["loss"][label] = Line(steps, [row["validation_loss"] for row in found])
+        solved = [100 * row["validation_solved"] for row in found]
+        panels["solved by the first four programs (%)"][label] = Line(steps, solved)
+    return Figure(panels, "batches", "validation")

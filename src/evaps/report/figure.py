@@ -1,0 +1,85 @@
+"""A figure: lines over one axis, with bands, in one or several panels."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from evaps.dsl import UserError
+
+
+@dataclass(frozen=True)
+class Line:
+    """Points, and how far they may be off.
+
+    Attributes:
+        x: where.
+        y: the values.
+        low: the lower end of each value's interval; none if empty.
+        high: the upper end.
+    """
+
+    x: Sequence[float]
+    y: Sequence[float]
+    low: Sequence[float] = ()
+    high: Sequence[float] = ()
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Panels side by side that share their axes.
+
+    Attributes:
+        panels: for each panel its title and its lines by their names.
+        x: what the first axis shows, with its unit.
+        y: what the second axis shows, with its unit.
+        log: whether the first axis is logarithmic.
+    """
+
+    panels: Mapping[str, Mapping[str, Line]]
+    x: str
+    y: str
+    log: bool = False
+
+    def draw(self, kind: str) -> bytes:
+        """The picture as ``"png"`` or ``"svg"``.
+
+        Raises:
+            UserError: there is no matplotlib.
+        """
+        try:
+            import matplotlib
+        except ImportError as error:
+            raise UserError("figures need matplotlib; try: pip install 'evaps[report]'") from error
+        from matplotlib.figure import Figure as Canvas
+
+        columns = min(3, len(self.panels))
+        rows = -(-len(self.panels) // columns)
+        with matplotlib.rc_context({"svg.hashsalt": "evaps", "font.size": 9}):
+            canvas = Canvas(figsize=(1.5 + 3.4 * columns, 0.8 + 2.6 * rows), layout="constrained")
+            axes = canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat
+            for ax, (title, lines) in zip(axes, self.panels.items(), strict=False):
+                self._panel(ax, title, lines)
+            for ax in list(axes)[len(self.panels) :]:
+                ax.set_visible(False)
+            names = list(dict.fromkeys(name for lines in self.panels.values() for name in lines))
+            canvas.legend(names, loc="outside lower center", ncols=min(4, len(names)), frameon=False)
+            out = io.BytesIO()
+            canvas.savefig(out, format=kind, dpi=160, metadata={"Date": None} if kind == "svg" else None)
+        return out.getvalue()
+
+    def _panel(self, ax: Any, title: str, lines: Mapping[str, Line]) -> None:
+        names = list(dict.fromkeys(name for panel in self.panels.values() for name in panel))
+        for name in names:  # the same order in every panel, so that the legend is right for all
+            line = lines.get(name, Line((), ()))
+            color = f"C{names.index(name)}"
+            ax.plot(line.x, line.y, ".-", color=color, linewidth=1.2, markersize=4)
+            if len(line.low):
+                ax.fill_between(line.x, line.low, line.high, color=color, alpha=0.15, linewidth=0)
+        ax.set(title=title, xlabel=self.x, ylabel=self.y)
+        ax.label_outer()
+        ax.grid(alpha=0.3)
+        if self.log:
+            ax.set_xscale("log")

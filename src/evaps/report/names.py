@@ -1,0 +1,24 @@
+"""What methods are called in tables and figures."""
+
+NAMES = {
+    "lgrl": "LGRL",
+    "lgrl-rl": "LGRL, rewarded",
+    "transformer": "Transformer",
+    "inferred-trace": "Inferred Trace",
+    "latent-execution": "Latent Execution",
+    "sed": "SED",
+    "naive": "Naive",
+    "evaps-o": "EVAPS+O",
+    "evaps-s": "EVAPS+S",
+    "evaps": "EVAPS",
+    "evaps-parallel": "EVAPS, edits at once",
+    "evaps-substitution": "EVAPS, substitutions",
+    "verified": "verified synthesis",
+    "verified-no-guide": "without the inverse model",
+    "verified-no-sharing": "without sharing among scenes",
+    "verified-no-beam": "without LGRL's beam",
+    "sed-search": "SED, best-first",
+    "enumeration": "enumeration of programs by cost",
+    "blind": "blind: programs drawn from the prior until one passes",
+    "prior": "as many programs as a beam has, drawn from the prior",
+}

@@ -1,0 +1,123 @@
+"""What repair does to candidates: round by round, for better and for worse, and token by token."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+
+from evaps.dsl import Program, token_type
+from evaps.dsl.alignment import align
+from evaps.metrics import TOP, MethodResults, Results, Row
+from evaps.report.figure import Figure, Line
+from evaps.report.names import NAMES
+from evaps.report.table import Table
+
+MOST_EDITS = 25
+
+
+def rounds(results: Results) -> Figure:
+    """Generalization against the rounds of repair, averaged over seeds."""
+    panels = {}
+    for k in TOP:
+        lines = {}
+        for method in repairers(results):
+            runs = results.by_method[method]
+            most = max(row["rounds"] for run in runs for row in run.each())
+            shares = [float(np.mean([_after(run, n, k) for run in runs])) for n in range(most + 1)]
+            lines[NAMES[method]] = Line(range(most + 1), shares)
+        panels[f"top-{k}"] = lines
+    return Figure(panels, "rounds of repair", "generalization (%)")
+
+
+def _after(run: MethodResults, rounds: int, k: int) -> float:
+    """The share of tasks, in %, on which one of the first ``k`` candidates generalizes after some rounds."""
+    right = [
+        any(r["attempts"][min(rounds, r["rounds"])]["generalization_state"] for r in run.rows[t][:k])
+        for t in run.tasks
+    ]
+    return 100 * float(np.mean(right))
+
+
+def effects(results: Results) -> Table:
+    """Of all candidates: wrong before and right after, right and wrong, and those that were left alone.
+
+    Right is who generalizes. The last attempt counts, as in the paper's protocol.
+    """
+    head = [
+        "method",
+        "candidates",
+        "wrong to right",
+        "right to wrong",
+        "right kept",
+        "wrong kept",
+        "untouched",
+    ]
+    rows = []
+    for method in repairers(results):
+        pairs = [(row["attempts"][0], row["attempts"][-1]) for row in candidates(results, method)]
+        right = Counter((a["generalization_state"], b["generalization_state"]) for a, b in pairs)
+        untouched = sum(a["program"] == b["program"] for a, b in pairs)
+        counts = [right[False, True], right[True, False], right[True, True], right[False, False], untouched]
+        shares = [f"{100 * n / len(pairs):.2f} %" for n in counts]
+        rows.append([NAMES[method], f"{len(pairs):,}", *shares])
+    notes = ["A candidate that passes all five examples is not repaired, and is among the untouched."]
+    return Table("What repair fixes and what it breaks", head, rows, notes)
+
+
+def edits(results: Results) -> list[Table]:
+    """For each repairer what was written in the place of what, by kinds of tokens and by tokens."""
+    return [table for method in repairers(results) for table in _edits(results, method)]
+
+
+def _edits(results: Results, method: str) -> Iterator[Table]:
+    kinds: Counter[tuple[str, str]] = Counter()
+    tokens: Counter[tuple[str, str]] = Counter()
+    fixed: Counter[tuple[str, str]] = Counter()
+    for row in candidates(results, method):
+        first, last = row["attempts"][0], row["attempts"][-1]
+        if first["program"] == last["program"]:
+            continue
+        before, after = (Program.parse(x["program"]).tokens for x in (first, last))
+        for edit in align(before, after):
+            if edit.kind != "keep":
+                kinds[_kind(edit.old), _kind(edit.new)] += 1
+                tokens[edit.old or "", edit.new or ""] += 1
+                fixed[edit.old or "", edit.new or ""] += last["generalization_state"]
+    names = list(dict.fromkeys(kind for pair in kinds for kind in pair))
+    yield Table(
+        f"{NAMES[method]}: kinds of tokens before (rows) and after (columns) repair",
+        ["", *names],
+        [[old, *(f"{kinds[old, new]:,}" if kinds[old, new] else "" for new in names)] for old in names],
+        ["`nothing` before is an insertion, `nothing` after a deletion."],
+    )
+    most = sorted(tokens, key=lambda pair: (-tokens[pair], pair))[:MOST_EDITS]
+    rows = [
+        [f"{o or 'nothing'} to {n or 'nothing'}", f"{tokens[o, n]:,}", _share(fixed[o, n], tokens[o, n])]
+        for o, n in most
+    ]
+    yield Table(
+        f"{NAMES[method]}: the most frequent edits", ["edit", "times", "in programs that generalize"], rows
+    )
+
+
+def _kind(token: str | None) -> str:
+    return "nothing" if token is None else str(token_type(token))
+
+
+def _share(part: int, of: int) -> str:
+    return f"{100 * part / of:.1f} %"
+
+
+def repairers(results: Results) -> list[str]:
+    """The methods of which some candidate was repaired."""
+    return [
+        m for m in results.methods if any(row["rounds"] and row["attempts"] for row in candidates(results, m))
+    ]
+
+
+def candidates(results: Results, method: str) -> Iterator[Row]:
+    """All rows of a method."""
+    for run in results.by_method[method]:
+        yield from run.each()

@@ -1,0 +1,59 @@
+"""A table, and how it is written for pages, for papers and for programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells are text already.
+
+    Attributes:
+        title: one line.
+        head: names of the columns.
+        rows: the first cell of each says what it is about.
+        notes: sentences below it: scale, seeds, what is meant.
+    """
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    notes: Sequence[str] = ()
+
+    def markdown(self) -> str:
+        """With its title and its notes."""
+        lines = [f"| {' | '.join(self.head)} |", f"|---{'|---:' * (len(self.head) - 1)}|"]
+        lines += [f"| {' | '.join(row)} |" for row in self.rows]
+        return "\n\n".join([f"**{self.title}**", "\n".join(lines), *self.notes]) + "\n"
+
+    def latex(self) -> str:
+        """A ``table`` environment that needs the package booktabs."""
+        lines = [
+            r"\begin{table}",
+            rf"\caption{{{_escaped(' '.join([self.title + '.', *self.notes]))}}}",
+            rf"\begin{{tabular}}{{l{'r' * (len(self.head) - 1)}}}",
+            r"\toprule",
+            *(" & ".join(map(_escaped, row)) + r" \\" for row in [self.head]),
+            r"\midrule",
+            *(" & ".join(map(_escaped, row)) + r" \\" for row in self.rows),
+            r"\bottomrule",
+            r"\end{tabular}",
+            r"\end{table}",
+        ]
+        return "\n".join(lines) + "\n"
+
+    def csv(self) -> str:
+        """Head and rows."""
+        out = io.StringIO()
+        csv.writer(out, lineterminator="\n").writerows([self.head, *self.rows])
+        return out.getvalue()
+
+
+def _escaped(text: str) -> str:
+    for sign in "&%_#$":
+        text = text.replace(sign, "\\" + sign)
+    return text.replace("±", r"$\pm$").replace("−", "--")

@@ -1,0 +1,125 @@
+"""The paper's two tables from our rows, with the published numbers beside ours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from evaps.metrics import METRICS, TOP, Results
+from evaps.report.names import NAMES
+from evaps.report.paper import GENERALIZATION, PAPER, PUBLISHED
+from evaps.report.table import Table
+
+TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state": "generalization"}
+TABLE_1 = ("lgrl", "lgrl-rl", "sed", "inferred-trace", "latent-execution", "transformer", "evaps")
+TABLE_2 = ("lgrl", "naive", "evaps-o", "evaps-s", "evaps")
+GOAL = "generalization_state"
+
+
+def table_1(results: Results) -> Table:
+    """The methods against each other: three metrics, top-1, top-5 and top-20."""
+    own = [m for m in results.methods if m not in NAMES]  # methods of other packages
+    methods = [m for m in (*TABLE_1, *own) if m in results.methods]
+    head = ["method", *(f"{TITLES[m]} @{k}" for m in METRICS for k in TOP), "seeds"]
+    rows = []
+    for method in methods:
+        cells = [
+            mean_and_deviation(results.top(method, m, k)) + _published(m, method, i)
+            for m in METRICS
+            for i, k in enumerate(TOP)
+        ]
+        rows.append([NAMES.get(method, method), *cells, str(len(results.by_method[method]))])
+    others = [m for m in methods if m not in ("evaps", "lgrl-rl")]
+    notes = [scale_note(results), *differences(results, "evaps", others)]
+    return Table("Table 1. Methods, in % of the test tasks; the paper's in brackets", head, rows, notes)
+
+
+def table_2(results: Results) -> Table:
+    """The ablation: what is gained without observations (S), without the graph (O), and with both."""
+    methods = [m for m in TABLE_2 if m in results.methods]
+    head = ["method", *(f"generalization @{k}" for k in TOP), *(f"gain @{k}" for k in TOP), "seeds"]
+    base = "naive" if "naive" in methods else "lgrl"
+    rows = []
+    for method in methods:
+        cells = [
+            mean_and_deviation(results.top(method, GOAL, k)) + _published(GOAL, method, i)
+            for i, k in enumerate(TOP)
+        ]
+        gains = [_gain(results, method, base, k) for k in TOP]
+        name = "candidates before repair (LGRL)" if method == "lgrl" else NAMES[method]
+        rows.append([name, *cells, *gains, str(len(results.by_method[method]))])
+    notes = [
+        scale_note(results),
+        f"Gains are over {NAMES[base]}, in points.",
+        *differences(results, "evaps", [m for m in methods if m != "evaps"]),
+    ]
+    return Table("Table 2. What the parts of EVAPS add; the paper's in brackets", head, rows, notes)
+
+
+def frames(results: Results) -> Table:
+    """The strict match, byte for byte in every view, beside the match of states."""
+    pairs = [("semantic_state", "semantic_frame"), ("generalization_state", "generalization_frame")]
+    head = ["method", *(f"{m.replace('_', ' ')} @{k}" for pair in pairs for m in pair for k in TOP)]
+    rows = [
+        [
+            NAMES.get(method, method),
+            *(mean_and_deviation(results.top(method, m, k)) for pair in pairs for m in pair for k in TOP),
+        ]
+        for method in results.methods
+    ]
+    return Table("Matches of states and of frames, in % of the test tasks", head, rows, [scale_note(results)])
+
+
+def mean_and_deviation(values: Sequence[float] | np.ndarray[tuple[int], np.dtype[np.float64]]) -> str:
+    """Over seeds; one seed has no deviation."""
+    mean = f"{np.mean(values):.1f}"
+    return f"{mean} ± {np.std(values, ddof=1):.1f}" if len(values) > 1 else mean
+
+
+def scale_note(results: Results) -> str:
+    """One sentence that says of what scale our figures are, and of what scale the paper's."""
+    runs = list(results.each())
+    tasks = sorted({len(run.tasks) for run in runs})
+    scales = sorted({str(run.rows[run.tasks[0]][0]["scale"]) for run in runs})
+    seeds = sorted({len(seeds) for seeds in results.by_method.values()})
+    ours = f"{_range(tasks)} test tasks, {_range(seeds)} seeds, scale {', '.join(scales)}"
+    return f"Ours: {ours} (20,000 tasks at small scale, of which 14,000 are trained on). The paper: {PAPER}."
+
+
+def differences(results: Results, better: str, others: Sequence[str], k: int = 1) -> Iterator[str]:
+    """A sentence for each other method; it claims a difference only where the interval does."""
+    if better not in results.methods:
+        return
+    for other in others:
+        try:
+            found = results.difference(better, other, GOAL, k)
+        except ValueError:
+            continue
+        interval = f"{found.mean:+.1f} points, 95 % interval [{found.low:+.1f}, {found.high:+.1f}]"
+        verb = "is not certainly different from"
+        if found.certain:
+            verb = "is better than" if found.mean > 0 else "is worse than"
+        one, two = (NAMES.get(method, method) for method in (better, other))
+        yield f"{one} {verb} {two} at generalization @{k}: {interval}."
+
+
+def _gain(results: Results, method: str, base: str, k: int) -> str:
+    if method == base:
+        return ""
+    gains = results.top(method, GOAL, k).mean() - results.top(base, GOAL, k).mean()
+    paper = ""
+    if method in GENERALIZATION and base in GENERALIZATION:
+        i = TOP.index(k)
+        paper = f" ({GENERALIZATION[method][i] - GENERALIZATION[base][i]:+.1f})"
+    return f"{gains:+.1f}{paper}"
+
+
+def _published(metric: str, method: str, i: int) -> str:
+    found = PUBLISHED[metric].get(method)
+    return "" if found is None else f" ({found[i]:.1f})"
+
+
+def _range(numbers: Sequence[int]) -> str:
+    low, high = min(numbers), max(numbers)
+    return f"{low:,}" if low == high else f"{low:,} to {high:,}"

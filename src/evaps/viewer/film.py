@@ -1,0 +1,180 @@
+"""A run as a film: the map, what the robot saw, which line it was at, and what it perceived there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image as Picture
+from PIL import ImageDraw, ImageFont
+
+from evaps.dsl import Program, Trace, UserError, run
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.files import write_atomically
+from evaps.robots.base import Robot, Scene, WorldState
+from evaps.robots.frames import Observation
+from evaps.robots.wad import ARENA_X, ARENA_Y
+
+VIEW = (320, 240)  # pixels of the robot's view and of its depth
+MAP = (320, 224)  # a half of the arena's size in map units
+CODE = 320  # pixels of the column with the program
+MARGIN = 12
+LINE = 18
+SECONDS = 0.8  # that each moment of a GIF is shown
+INK, PAPER, MARK, FAINT = (32, 32, 40), (250, 250, 248), (255, 228, 140), (140, 140, 150)
+ROBOT, ALIVE, DEAD = (30, 90, 200), (200, 60, 40), (170, 170, 170)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What is shown at a time.
+
+    Attributes:
+        view: what the robot saw.
+        state: the world, for the map.
+        perceived: the perceptions that were true.
+        segments: the segments of the program that were at work then: conditions asked and the action done.
+    """
+
+    view: Observation
+    state: WorldState
+    perceived: tuple[str, ...]
+    segments: frozenset[int]
+
+
+class _Witness:
+    """A robot whose every view, state and perception is kept."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.seen = [self._look()]
+
+    def _look(self) -> tuple[Observation, WorldState, tuple[str, ...]]:
+        perceived = tuple(key for key in PERCEPTION_KEYS if self.robot.perceive(key))
+        return self.robot.observe(), self.robot.state(), perceived
+
+    def act(self, action: str) -> None:
+        self.robot.act(action)
+        self.seen.append(self._look())
+
+    def perceive(self, perception: str) -> bool:
+        return self.robot.perceive(perception)
+
+    def observe(self) -> Observation:
+        return self.seen[-1][0]
+
+
+def record(program: Program, scene: Scene, robot: Robot) -> tuple[Trace[Observation], list[Moment]]:
+    """Run a program from a scene, and what is to be seen of it."""
+    robot.reset(scene)
+    witness = _Witness(robot)
+    trace = run(program, witness)
+    busy: list[set[int]] = [set() for _ in witness.seen]
+    for event in trace.events:
+        busy[event.time].add(event.segment)
+    moments = [Moment(*seen, frozenset(at)) for seen, at in zip(witness.seen, busy, strict=True)]
+    return trace, moments
+
+
+def save_film(path: Path, program: Program, moments: Sequence[Moment]) -> None:
+    """Write a GIF that plays, or a PNG in which the moments stand below one another.
+
+    Raises:
+        UserError: the name ends in neither ``.gif`` nor ``.png``.
+    """
+    check_film(path)
+    pictures = [draw(program, moments, time) for time in range(len(moments))]
+    out = BytesIO()
+    if path.suffix == ".gif":
+        rest: dict[str, Any] = dict(append_images=pictures[1:], save_all=True, loop=0)
+        pictures[0].save(out, "GIF", duration=round(1000 * SECONDS), **rest)
+    else:
+        _strip(pictures).save(out, "PNG", optimize=True)
+    write_atomically(path, out.getvalue())
+
+
+def check_film(path: Path) -> None:
+    """Whether a film can have that name.
+
+    Raises:
+        UserError: it ends in neither ``.gif`` nor ``.png``.
+    """
+    if path.suffix not in (".gif", ".png"):
+        raise UserError(f"a film must end in .gif or .png, not {path.name!r}")
+
+
+def _strip(pictures: Sequence[Picture.Image]) -> Picture.Image:
+    width, height = pictures[0].size
+    strip = Picture.new("RGB", (width, height * len(pictures)), PAPER)
+    for row, picture in enumerate(pictures):
+        strip.paste(picture, (0, row * height))
+    return strip
+
+
+def draw(program: Program, moments: Sequence[Moment], time: int) -> Picture.Image:
+    """The picture of one moment: map and program, view and depth."""
+    moment = moments[time]
+    left, right = MARGIN, 2 * MARGIN + VIEW[0]
+    top, middle = MARGIN + LINE, 2 * MARGIN + LINE + VIEW[1]
+    lines = len(program.python_lines) + len(PERCEPTION_KEYS) + 3
+    height = max(middle + MAP[1] + MARGIN, top + lines * LINE + MARGIN)
+    picture = Picture.new("RGB", (right + CODE + MARGIN, height), PAPER)
+    pen = ImageDraw.Draw(picture)
+    pen.text((left, MARGIN - 4), f"after {time} of {len(moments) - 1} actions", INK, _font())
+    picture.paste(Picture.fromarray(moment.view.rgb).resize(VIEW, Picture.Resampling.NEAREST), (left, top))
+    picture.paste(_map([m.state for m in moments[: time + 1]]), (left, middle))
+    _write(pen, program, moment, (right, top))
+    return picture
+
+
+def _write(pen: ImageDraw.ImageDraw, program: Program, moment: Moment, at: tuple[int, int]) -> None:
+    """The program, with the lines that are at work marked, and the perceptions, with the true ones black."""
+    x, y = at
+    begun: set[int] = set()
+    for segment, text in program.python_lines:
+        if segment in moment.segments and segment not in begun:  # an else: is no work of its own
+            pen.rectangle((x - 4, y - 1, x + CODE - 8, y + LINE - 3), fill=MARK)
+        begun.add(segment)
+        pen.text((x, y), text, INK, _font())
+        y += LINE
+    y += LINE
+    for key in PERCEPTION_KEYS:
+        true = key in moment.perceived
+        pen.text((x, y), f"{'yes' if true else 'no':4} {key}", INK if true else FAINT, _font())
+        y += LINE
+
+
+def _map(states: Sequence[WorldState]) -> Picture.Image:
+    """The arena from above, north up: the robot, the way that it came, and the things."""
+    picture = Picture.new("RGB", MAP, (236, 236, 230))
+    pen = ImageDraw.Draw(picture)
+    pen.rectangle((0, 0, MAP[0] - 1, MAP[1] - 1), outline=INK)
+    way = [_place(state.robot.x, state.robot.y) for state in states]
+    if len(way) > 1:
+        pen.line(way, fill=ROBOT, width=1)
+    for thing in states[-1].things:
+        x, y = _place(thing.x, thing.y)
+        color = ALIVE if thing.alive else DEAD
+        pen.ellipse((x - 6, y - 6, x + 6, y + 6), fill=color)
+        pen.text((x + 8, y - 7), thing.kind, color, _font())
+    x, y = way[-1]
+    heading = np.deg2rad(states[-1].robot.heading)
+    tip = (x + 16 * math.cos(heading), y - 16 * math.sin(heading))
+    pen.ellipse((x - 6, y - 6, x + 6, y + 6), fill=ROBOT)
+    pen.line([(x, y), tip], fill=ROBOT, width=3)
+    return picture
+
+
+def _place(x: float, y: float) -> tuple[float, float]:
+    across = (x - ARENA_X[0]) / (ARENA_X[1] - ARENA_X[0])
+    down = (ARENA_Y[1] - y) / (ARENA_Y[1] - ARENA_Y[0])
+    return across * MAP[0], down * MAP[1]
+
+
+def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size=13)

@@ -1,0 +1,139 @@
+"""Tables and figures say what the rows say."""
+
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from rows import repaired, results_of, rows, table_of
+
+from evaps.dsl import UserError
+from evaps.report import LEARNING, NOISE, REPORTS, report
+from evaps.report.curves import actions, complexity, learning, noise
+from evaps.report.repairs import edits, effects, rounds
+from evaps.report.table import Table
+from evaps.report.tables import table_1, table_2
+
+
+def test_table_1_has_means_deviations_and_the_papers_figures() -> None:
+    results = results_of(
+        rows("lgrl", [0, None], 0),
+        rows("lgrl", [0, 0], 1),
+        rows("evaps", [0, 0], 0),
+        rows("evaps", [0, 0], 1),
+    )
+    table = table_1(results)
+    lgrl, evaps = table.rows
+    assert lgrl[0] == "LGRL"
+    assert lgrl[1] == "75.0 ± 35.4 (2.2)"
+    assert evaps[table.head.index("generalization @20")] == "100.0 ± 0.0 (76.8)"
+    assert lgrl[-1] == "2"
+
+
+def test_a_difference_is_claimed_only_where_its_interval_says_so() -> None:
+    half = [0 if i % 2 else None for i in range(200)]
+    other = [0 if i % 2 == 0 else None for i in range(200)]
+    notes = " ".join(
+        table_1(results_of(rows("evaps", half), rows("lgrl", other), rows("sed", [None] * 200))).notes
+    )
+    assert "EVAPS is not certainly different from LGRL" in notes
+    assert "EVAPS is better than SED at generalization @1: +50.0 points" in notes
+
+
+def test_a_method_of_another_package_has_its_row() -> None:
+    table = table_1(results_of(rows("lgrl", [0]), rows("mean", [None]), rows("verified", [0])))
+    assert [row[0] for row in table.rows] == ["LGRL", "mean"]
+
+
+def test_table_2_shows_gains_over_naive() -> None:
+    table = table_2(results_of(rows("naive", [0, None, None, None]), rows("evaps", [0, 0, None, None])))
+    gain = table.head.index("gain @1")
+    assert [row[gain] for row in table.rows] == ["", "+25.0 (+18.6)"]
+
+
+def test_rounds_follow_every_candidate_to_where_it_was_then() -> None:
+    results = results_of(repaired("evaps", [[False, False, True], [False, True], [True], [True, False]]))
+    line = rounds(results).panels["top-1"]["EVAPS"]
+    assert list(line.y) == [50, 50, 75]
+
+
+def test_effects_count_what_repair_fixed_and_what_it_broke() -> None:
+    results = results_of(repaired("evaps", [[False, True], [True, False], [True], [False, False]]))
+    (row,) = effects(results).rows
+    assert row == ["EVAPS", "4", "25.00 %", "25.00 %", "25.00 %", "25.00 %", "50.00 %"]
+
+
+def test_edits_name_the_tokens_that_were_exchanged() -> None:
+    kinds, tokens = edits(results_of(repaired("evaps", [[False, True]])))
+    assert kinds.rows[kinds.head.index("action") - 1][kinds.head.index("action")] == "1"
+    assert sorted(row[0] for row in tokens.rows) in (
+        ["MOVE_LEFT to ATTACK", "nothing to MOVE_RIGHT"],
+        ["MOVE_LEFT to MOVE_RIGHT", "nothing to ATTACK"],
+    )
+    assert {row[2] for row in tokens.rows} == {"100.0 %"}
+
+
+def test_complexity_has_a_panel_for_each_bucket_of_steps() -> None:
+    made = rows("lgrl", [0, 4])
+    for row in made:
+        row["steps"] = 2 if row["task"] == 0 else 12
+    panels = complexity(results_of(made)).panels
+    assert list(panels["2 steps"]["LGRL"].y) == [100] * 20
+    assert list(panels["7+ steps"]["LGRL"].y) == [0] * 4 + [100] * 16
+    assert not panels["3 steps"]
+
+
+def test_an_answer_counts_from_what_it_has_cost() -> None:
+    made = rows("lgrl", [0])
+    made[0] |= {"pairs_passed": 5, "simulated_actions": 1000}
+    line = actions(results_of(made)).panels["answers"]["LGRL"]
+    assert all(y == (100 if x >= 1000 else 0) for x, y in zip(line.x, line.y, strict=True))
+
+
+def test_every_report_is_written_in_every_form(tmp_path: Path) -> None:
+    folder = tmp_path / "rows"
+    (folder / "curves").mkdir(parents=True)
+    (folder / "noise").mkdir()
+    blurred = [row | {"noise": 0.1} for row in rows("lgrl", [None, 3])]
+    pq.write_table(table_of(blurred), folder / "noise" / "lgrl-0-10.parquet")
+    (folder / "curves" / "lgrl-0.jsonl").write_text(
+        '{"step": 1, "loss": 2}\n{"step": 2, "validation_loss": 1, "validation_solved": 0.5}\n'
+    )
+    pq.write_table(table_of(rows("lgrl", [0, None])), folder / "lgrl-0.parquet")
+    pq.write_table(table_of(repaired("evaps", [[False, True], [True]])), folder / "evaps-0.parquet")
+    written = report("all", folder, tmp_path / "out")
+    names = {path.stem for path in written}
+    assert names == {*REPORTS, NOISE, LEARNING}
+    for path in written:
+        content = path.read_bytes()
+        assert content
+        if path.suffix == ".png":
+            assert content.startswith(b"\x89PNG")
+    again = report("complexity", folder, tmp_path / "again")
+    assert [p.read_bytes() for p in again] == [(tmp_path / "out" / p.name).read_bytes() for p in again]
+    solved = learning(folder / "curves").panels["solved by the first four programs (%)"]["LGRL"]
+    assert list(solved.y) == [50]
+
+
+def test_noise_has_a_panel_for_each_share_and_shows_who_was_judged_with_it() -> None:
+    clean = results_of(rows("lgrl", [0, 0]), rows("evaps", [0, 0]))
+    panels = noise(clean, {0.2: results_of(rows("lgrl", [0, None]))}).panels
+    assert {title: {name: line.y[0] for name, line in lines.items()} for title, lines in panels.items()} == {
+        "0 % of the pixels invalid": {"LGRL": 100},
+        "20 % of the pixels invalid": {"LGRL": 50},
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [("table-3", "no report 'table-3'"), (LEARNING, "METHOD-SEED"), ("table-1", "holds no rows")],
+)
+def test_what_cannot_be_made_is_one_line(tmp_path: Path, name: str, what: str) -> None:
+    with pytest.raises(UserError, match=what):
+        report(name, tmp_path, tmp_path / "out")
+
+
+def test_signs_that_latex_knows_otherwise_are_escaped() -> None:
+    text = Table("a_b", ["x", "y %"], [["1 ± 2", "3"]]).latex()
+    assert r"a\_b" in text
+    assert r"y \%" in text
+    assert r"1 $\pm$ 2" in text

@@ -1,0 +1,55 @@
+"""Films show what a run's moments were."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+from evaps.dsl import Program, UserError, run
+from evaps.robots.base import Pose, Scene, Thing
+from evaps.robots.memo import MemoRobot
+from evaps.viewer.film import MARGIN, MARK, VIEW, record, save_film
+
+PROGRAM = Program.parse(
+    "DEF run m( IF c( ISTHERE Demon c) i( MOVE_LEFT i) "
+    "WHILE c( not c( INTARGET Demon c) c) w( TURN_LEFT w) m)"
+)
+SCENE = Scene(Pose(-300, 240, 0), (Thing("Demon", -100, 400),))
+
+
+def test_moments_are_those_of_the_run(robot: MemoRobot) -> None:
+    trace, moments = record(PROGRAM, SCENE, robot)
+    robot.reset(SCENE)
+    again = run(PROGRAM, robot)
+    assert trace.actions == again.actions
+    assert len(moments) == len(trace.actions) + 1
+    for moment, view in zip(moments, again.observations, strict=True):
+        assert np.array_equal(moment.view.rgb, view.rgb)
+    assert moments[0].segments == {1, 2}, "the condition, and the step to the left"
+    assert 3 in moments[1].segments
+    assert moments[-1].state == robot.state()
+
+
+@pytest.mark.parametrize("name", ["film.gif", "film.png"])
+def test_every_moment_is_in_the_film(robot: MemoRobot, tmp_path: Path, name: str) -> None:
+    _, moments = record(PROGRAM, SCENE, robot)
+    save_film(tmp_path / name, PROGRAM, moments)
+    with Picture.open(tmp_path / name) as film:
+        if name.endswith("gif"):
+            assert film.n_frames == len(moments)  # type: ignore[attr-defined]
+            film.seek(len(moments) - 1)
+            first = film.convert("RGB")
+        else:
+            height = film.height // len(moments)
+            first = film.convert("RGB").crop((0, 0, film.width, height))
+    shown = np.asarray(first)
+    assert (shown == MARK).all(-1).any(), "a line is marked"
+    if name.endswith("png"):
+        view = shown[MARGIN + 18 : MARGIN + 18 + VIEW[1] : 2, MARGIN : MARGIN + VIEW[0] : 2]
+        assert np.array_equal(view, moments[0].view.rgb)
+
+
+def test_other_names_are_told(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"must end in \.gif or \.png"):
+        save_film(tmp_path / "film.mp4", PROGRAM, [])
