@@ -50,6 +50,7 @@ SCHEMA = pa.schema(
         "method": pa.string(),
         "seed": pa.int32(),
         "scale": pa.string(),
+        "trained_on": pa.int64(),  # tasks in the data set of the training, all splits together
         "commit": pa.string(),  # of the training
         "weights": pa.string(),  # hash of all that the method's answers depend on
         "evaluated_by": pa.string(),  # commit of the evaluating code
@@ -153,6 +154,7 @@ def _facts(model: str, method: str, dataset: Dataset) -> dict[str, Any]:
     return {
         "method": method,
         **{key: made.get(key) for key in ("seed", "scale", "commit")},
+        "trained_on": made.get("dataset", {}).get("tasks"),
         "weights": short_hash(weights),
         "evaluated_by": code_version(),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, {precision()}",

@@ -111,18 +111,25 @@ class Results:
         return cls([pq.read_table(file) for file in _files(path)])
 
     @classmethod
-    def by_noise(cls, path: Path) -> dict[float, Results]:
-        """The rows of a folder, by the share of pixels that were invalid.
+    def by_column(cls, path: Path, column: str) -> dict[float, Results]:
+        """The files of rows in a folder, by a number that is the same in all rows of a file, in its order.
+
+        Args:
+            path: of the folder.
+            column: such as ``"noise"``.
 
         Raises:
-            UserError: there are none.
+            UserError: there are none, or they were made before there was such a column.
         """
         tables: dict[float, list[pa.Table]] = {}
         for file in _files(path):
             table = pq.read_table(file)
-            share = round(float(table["noise"][0].as_py()), 4)
-            tables.setdefault(share, []).append(table)
-        return {share: cls(group) for share, group in tables.items()}
+            if column not in table.column_names:
+                raise UserError(
+                    f"{file} has no column {column!r}: it was made by an earlier evaps; evaluate again"
+                )
+            tables.setdefault(round(float(table[column][0].as_py()), 4), []).append(table)
+        return {key: cls(tables[key]) for key in sorted(tables)}
 
     @property
     def methods(self) -> list[str]:

@@ -7,8 +7,9 @@ import pytest
 from rows import repaired, results_of, rows, table_of
 
 from evaps.dsl import UserError
-from evaps.report import LEARNING, NOISE, REPORTS, report
-from evaps.report.curves import actions, complexity, learning, noise
+from evaps.metrics import Results
+from evaps.report import LEARNING, NOISE, REPORTS, SIZES, report
+from evaps.report.curves import actions, complexity, learning, noise, sizes
 from evaps.report.repairs import edits, effects, rounds
 from evaps.report.table import Table
 from evaps.report.tables import table_1, table_2
@@ -93,8 +94,10 @@ def test_every_report_is_written_in_every_form(tmp_path: Path) -> None:
     folder = tmp_path / "rows"
     (folder / "curves").mkdir(parents=True)
     (folder / "noise").mkdir()
+    (folder / "sizes").mkdir()
     blurred = [row | {"noise": 0.1} for row in rows("lgrl", [None, 3])]
     pq.write_table(table_of(blurred), folder / "noise" / "lgrl-0-10.parquet")
+    pq.write_table(table_of(rows("lgrl", [0])), folder / "sizes" / "lgrl-0-100.parquet")
     (folder / "curves" / "lgrl-0.jsonl").write_text(
         '{"step": 1, "loss": 2}\n{"step": 2, "validation_loss": 1, "validation_solved": 0.5}\n'
     )
@@ -102,7 +105,7 @@ def test_every_report_is_written_in_every_form(tmp_path: Path) -> None:
     pq.write_table(table_of(repaired("evaps", [[False, True], [True]])), folder / "evaps-0.parquet")
     written = report("all", folder, tmp_path / "out")
     names = {path.stem for path in written}
-    assert names == {*REPORTS, NOISE, LEARNING}
+    assert names == {*REPORTS, NOISE, SIZES, LEARNING}
     for path in written:
         content = path.read_bytes()
         assert content
@@ -121,6 +124,26 @@ def test_noise_has_a_panel_for_each_share_and_shows_who_was_judged_with_it() -> 
         "0 % of the pixels invalid": {"LGRL": 100},
         "20 % of the pixels invalid": {"LGRL": 50},
     }
+
+
+def test_sizes_has_a_point_for_each_number_of_tasks() -> None:
+    few, many = results_of(rows("lgrl", [0, None])), results_of(rows("lgrl", [0, 3]), rows("evaps", [0, 0]))
+    panels = sizes({100: few, 1000: many}).panels
+    assert {name: (line.x, line.y) for name, line in panels["top-1"].items()} == {
+        "LGRL": ([100, 1000], [50, 50]),
+        "EVAPS": ([1000], [100]),
+    }
+    assert panels["top-5"]["LGRL"].y == [50, 100]
+
+
+def test_rows_are_told_apart_by_a_column(tmp_path: Path) -> None:
+    for tasks in (1000, 100):
+        table = table_of([row | {"trained_on": tasks} for row in rows("lgrl", [0])])
+        pq.write_table(table, tmp_path / f"lgrl-0-{tasks}.parquet")
+    assert list(Results.by_column(tmp_path, "trained_on")) == [100, 1000]
+    pq.write_table(table.drop_columns(["trained_on"]), tmp_path / "old.parquet")
+    with pytest.raises(UserError, match=r"old.parquet has no column 'trained_on'.*evaluate again"):
+        Results.by_column(tmp_path, "trained_on")
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ class Report(Command):
     """Make a table or a figure from the rows of `evaps evaluate`.
 
     Tables become Markdown, LaTeX and CSV, figures PNG and SVG: table-1, table-2, frames, complexity,
-    candidates, actions, seconds, rounds, effects, edits, noise, learning; or all.
+    candidates, actions, seconds, rounds, effects, edits, noise, sizes, learning; or all.
     """
 
     name: Positional[str]

@@ -28,22 +28,26 @@ REPORTS: dict[str, Callable[[Results], Item | list[Table]]] = {
 """Every report by its name."""
 NOISE = "noise"
 """The report that needs rows with noise, ``ROWS/noise/*.parquet``, beside those without."""
+SIZES = "sizes"
+"""The report that needs rows of trainings on fewer tasks, ``ROWS/sizes/*.parquet``."""
 LEARNING = "learning"
 """The report that is made of ``ROWS/curves/METHOD-SEED.jsonl``, the metrics of trainings."""
+FURTHER = {NOISE: "noise", SIZES: "sizes", LEARNING: "curves"}
+"""The folder beside the rows that each of these needs."""
 
 
 def report(name: str, rows: Path, out: Path) -> list[Path]:
     """Make a report, or all of them; the files that were written.
 
     Args:
-        name: in REPORTS, LEARNING, or ``"all"``.
+        name: in REPORTS, NOISE, SIZES, LEARNING, or ``"all"``.
         rows: a file of evaluation rows, or a folder of such files.
         out: folder of the files.
 
     Raises:
         UserError: there is no such report, there are no rows, or a library is missing.
     """
-    known = (*REPORTS, NOISE, LEARNING)
+    known = (*REPORTS, *FURTHER)
     if name not in (*known, "all"):
         raise UserError(f"there is no report {name!r}; known are {', '.join((*known, 'all'))}")
     written = []
@@ -54,18 +58,20 @@ def report(name: str, rows: Path, out: Path) -> list[Path]:
 
 def _further(rows: Path) -> list[str]:
     """The reports for which there is more than rows."""
-    return [name for name, folder in ((NOISE, "noise"), (LEARNING, "curves")) if (rows / folder).is_dir()]
+    return [name for name, folder in FURTHER.items() if (rows / folder).is_dir()]
 
 
 def _make(name: str, rows: Path) -> Item | list[Table]:
     if name == LEARNING:
         if LEARNING not in _further(rows):
             raise UserError(f"{rows / 'curves'} holds no METHOD-SEED.jsonl, the metrics.jsonl of trainings")
-        return curves.learning(rows / "curves")
+        return curves.learning(rows / FURTHER[LEARNING])
+    if name == SIZES:
+        return curves.sizes(Results.by_column(rows / FURTHER[SIZES], "trained_on"))
     results = Results.read(rows)
-    return (
-        curves.noise(results, Results.by_noise(rows / "noise")) if name == NOISE else REPORTS[name](results)
-    )
+    if name == NOISE:
+        return curves.noise(results, Results.by_column(rows / FURTHER[NOISE], "noise"))
+    return REPORTS[name](results)
 
 
 def _write(name: str, made: Item | list[Table], out: Path) -> list[Path]:

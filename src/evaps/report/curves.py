@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evaps.metrics import MethodResults, Results, bootstrap
+from evaps.metrics import TOP, MethodResults, Results, bootstrap
 from evaps.report.figure import Figure, Line
 from evaps.report.names import NAMES
 from evaps.tasks.info import STEP_BUCKETS
@@ -70,6 +70,21 @@ def noise(clean: Results, by_share: Mapping[float, Results]) -> Figure:
     for share, results in {0.0: clean, **dict(sorted(by_share.items()))}.items():
         panels[f"{100 * share:.0f} % of the pixels invalid"] = _bands(results, judged)
     return Figure(panels, "candidates", "generalization (%)")
+
+
+def sizes(by_tasks: Mapping[float, Results]) -> Figure:
+    """Generalization of the first 1, 5 and 20 candidates, against the tasks of the data set trained on.
+
+    Args:
+        by_tasks: the results, by how many tasks the data set had (all splits together).
+    """
+    panels: dict[str, dict[str, Line]] = {f"top-{k}": {} for k in TOP}
+    for method in dict.fromkeys(m for results in by_tasks.values() for m in results.methods):
+        there = {tasks: results for tasks, results in by_tasks.items() if method in results.methods}
+        for k in TOP:
+            means = [float(r.top(method, "generalization_state", k).mean()) for r in there.values()]
+            panels[f"top-{k}"][NAMES.get(method, method)] = Line(list(there), means)
+    return Figure(panels, "tasks in the data set", "generalization (%)", log=True)
 
 
 def actions(results: Results) -> Figure:
