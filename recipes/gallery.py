@@ -19,6 +19,7 @@ import tyro
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import BUDGET, match
 from evaps.models import load_model
+from evaps.report.names import NAMES
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.synthesis import SPARES, solve
@@ -26,6 +27,12 @@ from evaps.tasks.dataset import Dataset, gold_task
 from evaps.tasks.task import GoldTask
 from evaps.viewer import TaskReport, write_page
 from recipes.paper import Plan, make_data
+
+LEAD = (
+    "{} test tasks, drawn by a seed ({}) and not by success, with the answer of each method: its first "
+    "candidate of those that pass most of the five examples. Beside it stand whether the answer also does "
+    "what was meant on a sixth scene, and the hidden program, which no method has seen."
+)
 
 
 @dataclass(frozen=True)
@@ -64,7 +71,7 @@ def answers(gold: GoldTask, gallery: Gallery, robots: Sequence[DoomRobot]) -> It
         }
         memo.leave()
         shown = replace(solution, candidates=solution.candidates[:1])
-        yield TaskReport(replace(gold.task, name=f"{gold.name}: {method}"), shown, notes)
+        yield TaskReport(replace(gold.task, name=f"{gold.name}, {NAMES[method]}"), shown, notes)
 
 
 def main(gallery: Gallery) -> None:
@@ -78,7 +85,7 @@ def main(gallery: Gallery) -> None:
         for gold in drawn(Dataset(plan.data), gallery.tasks, gallery.seed)
         for report in answers(gold, gallery, robots)
     ]
-    write_page(gallery.out, reports)
+    write_page(gallery.out, reports, "Gallery", [LEAD.format(gallery.tasks, gallery.seed)])
     for robot in robots:
         robot.close()
     print(gallery.out)

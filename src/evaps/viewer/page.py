@@ -15,10 +15,13 @@ from evaps.viewer.story import TaskReport, line_views, rounds, steps, telling_ex
 
 __all__ = ["TaskReport", "render_page", "write_page"]
 
+TITLE = "Programs from examples"
 CHECKS_SHOWN = 5  # of the conditions evaluated at one view; a loop without an action can have dozens
 
 
-def write_page(path: Path, reports: Sequence[TaskReport]) -> None:
+def write_page(
+    path: Path, reports: Sequence[TaskReport], title: str = TITLE, lead: Sequence[str] = ()
+) -> None:
     """Write the report page of some tasks, with everything that it shows inside.
 
     The file is whole or not there.
@@ -26,19 +29,25 @@ def write_page(path: Path, reports: Sequence[TaskReport]) -> None:
     Args:
         path: the HTML file; folders that are missing are made.
         reports: the tasks, in the order in which they are shown.
+        title: the page's heading.
+        lead: paragraphs below it, before what every such page says.
     """
-    write_atomically(path, render_page(reports).encode())
+    write_atomically(path, render_page(reports, title, lead).encode())
 
 
-def render_page(reports: Sequence[TaskReport]) -> str:
+def render_page(reports: Sequence[TaskReport], title: str = TITLE, lead: Sequence[str] = ()) -> str:
     """The report page as a text.
 
     Args:
         reports: the tasks, in the order in which they are shown.
+        title: the page's heading.
+        lead: paragraphs below it, before what every such page says.
     """
     template = _environment().get_template("page.html")
     return template.render(
         reports=reports,
+        title=title,
+        lead=lead,
         pictures=Pictures(),  # the template shows pictures; those that it has shown stand at the page's end
         most_examples=max((len(r.task.examples) for r in reports), default=0),
         furthest=max((int(e.goal.depth.max()) for r in reports for e in r.task.examples), default=0),
