@@ -13,7 +13,7 @@ from evaps.models import SEARCHES, Model, load_model
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
-from evaps.synthesis import Budget, Solution, solve
+from evaps.synthesis import Budget, News, Solution, Watch, solve
 from evaps.synthesis.solution import attempt
 from evaps.tasks.task import Example, Task
 
@@ -133,3 +133,20 @@ def test_all_searches_answer(memo: MemoRobot) -> None:
 def test_a_search_that_is_not_there_is_told() -> None:
     with pytest.raises(UserError, match=r"no method 'lucky'; known are .*verified.*blind"):
         load_model(method="lucky")
+
+
+@pytest.mark.parametrize("method", ["verified", "evaps"])
+def test_a_search_can_be_followed_and_ended(memo: MemoRobot, method: str) -> None:
+    task = task_of("IF c( ISTHERE Demon c) i( MOVE_LEFT i) TURN_RIGHT", memo)
+    model, heard = load_model(method=method), list[News]()
+    memo.forget()
+    free = solve(model, task, memo)
+    memo.forget()
+    assert same(free, solve(model, task, memo, watch=Watch(heard.append))), "who watches changes nothing"
+    assert all(len(news.passed) == 5 and news.text for news in heard)
+    assert [news.seconds for news in heard] == sorted(news.seconds for news in heard)
+    assert sum(heard[-1].passed) == free.candidates[0].final.pairs_passed
+    memo.forget()
+    ended = solve(model, task, memo, watch=Watch(stopped=lambda: True))
+    assert ended.candidates
+    assert ended.simulated_actions < free.simulated_actions

@@ -15,23 +15,34 @@ from evaps.synthesis.enumeration import synthesize_by_enumeration
 from evaps.synthesis.repair import ROUNDS, synthesize_with
 from evaps.synthesis.solution import Attempt, Candidate, Solution
 from evaps.synthesis.verified import ALL_PARTS, Parts, synthesize_verified
+from evaps.synthesis.watch import NOBODY, News, Watch
 from evaps.tasks.task import EXAMPLES, Task
 
-__all__ = ["Attempt", "Budget", "Candidate", "Solution", "solve", "synthesize", "synthesize_with"]
+__all__ = [
+    "Attempt",
+    "Budget",
+    "Candidate",
+    "News",
+    "Solution",
+    "Watch",
+    "solve",
+    "synthesize",
+    "synthesize_with",
+]
 
 
 class Search(Protocol):
     """A way to answer that is no network of its own."""
 
     def __call__(
-        self, model: Model, task: Task, robot: MemoRobot, top_k: int, budget: Budget, seed: int
+        self, model: Model, task: Task, robot: MemoRobot, top_k: int, budget: Budget, seed: int, watch: Watch
     ) -> Solution:
         """See :func:`synthesize`."""
 
 
 def _verified(parts: Parts = ALL_PARTS) -> Search:
-    return lambda model, task, robot, top_k, budget, seed: synthesize_verified(
-        model, task, robot, top_k, budget, parts, seed
+    return lambda model, task, robot, top_k, budget, seed, watch: synthesize_verified(
+        model, task, robot, top_k, budget, parts, seed, watch
     )
 
 
@@ -40,14 +51,18 @@ SEARCHES: dict[str, Search] = {
     "verified-no-guide": _verified(Parts(guide=False)),
     "verified-no-sharing": _verified(Parts(sharing=False)),
     "verified-no-beam": _verified(Parts(beam=False)),
-    "sed-search": lambda model, task, robot, top_k, budget, seed: synthesize_best_first(
+    "sed-search": lambda model, task, robot, top_k, budget, seed, watch: synthesize_best_first(
         model, task, robot, top_k
     ),
-    "enumeration": lambda model, task, robot, top_k, budget, seed: synthesize_by_enumeration(
+    "enumeration": lambda model, task, robot, top_k, budget, seed, watch: synthesize_by_enumeration(
         task, robot, budget
     ),
-    "blind": lambda model, task, robot, top_k, budget, seed: synthesize_blindly(task, robot, budget, seed),
-    "prior": lambda model, task, robot, top_k, budget, seed: synthesize_from_prior(task, robot, top_k, seed),
+    "blind": lambda model, task, robot, top_k, budget, seed, watch: synthesize_blindly(
+        task, robot, budget, seed
+    ),
+    "prior": lambda model, task, robot, top_k, budget, seed, watch: synthesize_from_prior(
+        task, robot, top_k, seed
+    ),
 }
 """What each search does; `evaps.models.SEARCHES` says which checkpoints it needs."""
 SPARES = EXAMPLES - 1
@@ -88,8 +103,12 @@ def solve(
     rounds: int = ROUNDS,
     budget: Budget = USUAL_BUDGET,
     seed: int = 0,
+    watch: Watch = NOBODY,
 ) -> Solution:
-    """The same on a robot that is there."""
+    """The same on a robot that is there.
+
+    ``watch`` follows it, and may end it early: verified synthesis and the paper's loop; others do not ask.
+    """
     if model.search is None:
-        return synthesize_with(model, task, robot, top_k, rounds)
-    return SEARCHES[model.search](model, task, robot, top_k, budget, seed)
+        return synthesize_with(model, task, robot, top_k, rounds, watch=watch)
+    return SEARCHES[model.search](model, task, robot, top_k, budget, seed, watch)

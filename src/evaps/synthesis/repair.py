@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
@@ -17,6 +17,7 @@ from evaps.robots.memo import MemoRobot
 from evaps.synthesis.budget import Meter
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt_all, best_first
+from evaps.synthesis.watch import NOBODY, News, Watch
 from evaps.synthesis.ways import WayTable, follow
 from evaps.tasks.task import Task
 
@@ -52,6 +53,7 @@ def repair_all(
     table: FeatureTable,
     robot: MemoRobot,
     rounds: int = ROUNDS,
+    watch: Callable[[int], bool] = lambda repaired: True,
 ) -> None:
     """Repair each candidate on its own until it passes all pairs, nothing new comes, or the rounds are over.
 
@@ -62,10 +64,11 @@ def repair_all(
         table: embeddings of observations.
         robot: where repairs are run.
         rounds: how often a candidate is repaired at most.
+        watch: called after each round with its number; False ends it there.
     """
     open_chains = [chain for chain in chains if not chain[-1].solved]
-    for _ in range(rounds):
-        if not open_chains:
+    for done in range(rounds):
+        if not open_chains or not watch(done):
             return
         executions = table.executions([chain[-1] for chain in open_chains], task)
         tried: list[set[Program]] = [{a.program for a in chain} for chain in open_chains]
@@ -78,7 +81,13 @@ def repair_all(
 
 
 def synthesize_with(
-    model: Model, task: Task, robot: MemoRobot, top_k: int = 20, rounds: int = ROUNDS, beam: int = BEAM
+    model: Model,
+    task: Task,
+    robot: MemoRobot,
+    top_k: int = 20,
+    rounds: int = ROUNDS,
+    beam: int = BEAM,
+    watch: Watch = NOBODY,
 ) -> Solution:
     """Propose, run, and, if the model has a repairer, repair: one candidate for each of the first ``top_k``.
 
@@ -89,8 +98,15 @@ def synthesize_with(
     table = FeatureTable(model.encoder, task.noise)
     proposals = propose(model, table, task, robot, max(beam, top_k))[:top_k]
     chains = [[attempt] for attempt in attempt_all([p.program for p in proposals], task, robot)]
-    if model.repairer is not None:
-        repair_all(model.repairer, chains, task, table, robot, rounds)
+
+    def follow_on(repaired: int) -> bool:
+        best = max((a for chain in chains for a in chain), key=lambda a: a.pairs_passed)
+        text = f"candidates repaired {repaired} times" if repaired else f"{len(chains)} candidates proposed"
+        watch.tell(News(text, best.passed, best.program, meter.actions, meter.seconds))
+        return not watch.stopped()
+
+    if model.repairer is not None and chains:
+        repair_all(model.repairer, chains, task, table, robot, rounds, follow_on)
     answers = best_first([_candidate(model, _until_best(chain), rank) for rank, chain in enumerate(chains)])
     last = tuple(_candidate(model, chain, rank) for rank, chain in enumerate(chains))
     return Solution(task.name, answers, meter.actions, meter.seconds, last)

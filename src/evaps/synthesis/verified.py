@@ -30,6 +30,7 @@ from evaps.synthesis.graph import Graph
 from evaps.synthesis.repair import propose
 from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt_all
 from evaps.synthesis.traces import TraceSearch, one_edit_away, with_detour, with_loop
+from evaps.synthesis.watch import NOBODY, News, Watch
 from evaps.tasks.task import Task
 
 ORIGIN = "verified"
@@ -75,6 +76,7 @@ def synthesize_verified(
     budget: Budget = USUAL_BUDGET,
     parts: Parts = ALL_PARTS,
     seed: int = 0,
+    watch: Watch = NOBODY,
 ) -> Solution:
     """Search for programs that pass all pairs; if none is found, those that pass most.
 
@@ -86,14 +88,18 @@ def synthesize_verified(
         budget: what it may cost.
         parts: what is left out.
         seed: of the further scenes.
+        watch: follows the search, and may end it.
     """
-    return _Search(model, task, robot, budget, parts).solution(top_k, seed)
+    return _Search(model, task, robot, budget, parts, watch).solution(top_k, seed)
 
 
 class _Search:
-    def __init__(self, model: Model, task: Task, robot: MemoRobot, budget: Budget, parts: Parts) -> None:
+    def __init__(
+        self, model: Model, task: Task, robot: MemoRobot, budget: Budget, parts: Parts, watch: Watch = NOBODY
+    ) -> None:
         assert model.inverse is not None
         self.model, self.task, self.robot, self.budget, self.parts = model, task, robot, budget, parts
+        self.watch = watch
         self.meter = Meter(robot)
         self.table = FeatureTable(model.encoder, task.noise)
         self.traces = TraceSearch(task, robot, self.table, model.inverse, parts.guide, parts.sharing)
@@ -101,8 +107,14 @@ class _Search:
 
     @property
     def over(self) -> bool:
-        """Whether the budget is spent."""
-        return self.meter.exceeds(self.budget)
+        """Whether the budget is spent, or nobody wants to wait any longer."""
+        return self.meter.exceeds(self.budget) or self.watch.stopped()
+
+    def tell(self, text: str, best: Attempt | None = None) -> None:
+        """Say what has happened, and which goals are reached."""
+        passed = best.passed if best else tuple(bool(scene.goals) for scene in self.traces.scenes)
+        program = best.program if best else None
+        self.watch.tell(News(text, passed, program, self.meter.actions, self.meter.seconds))
 
     def solution(self, top_k: int, seed: int) -> Solution:
         """Search, choose, and say what it has cost."""
@@ -110,6 +122,8 @@ class _Search:
         programs = self.explain() or self.explain_some()
         attempts = attempt_all(programs, self.task, self.robot)
         attempts.sort(key=lambda a: (-a.pairs_passed, cost_of(a.program)))
+        solved = sum(a.solved for a in attempts)
+        self.tell(f"{solved} of {len(attempts)} programs pass all examples", attempts[0])
         kept, confidence, doubt = self.choose(attempts[:PROBED], top_k, seed)
         candidates = tuple(Candidate((a,), rank, ORIGIN) for rank, a in enumerate(kept))
         spent, seconds = self.meter.actions, self.meter.seconds
@@ -119,7 +133,11 @@ class _Search:
         """Find a way to the goal in every scene."""
         plans = self._plans()
         plan = next(plans)
+        reached = -1
         while not self.traces.complete and not self.over:
+            if (now := self.traces.reached) != reached:
+                reached = now
+                self.tell(f"ways to {now} of {len(self.traces.scenes)} goals")
             if self.meter.actions >= plan[0]:
                 plan[1]()
                 plan = next(plans)
@@ -180,6 +198,7 @@ class _Search:
                 return []
             for _ in range(FIRST_LOOK << look):
                 self.traces.step(slack=1)
+            self.tell("looking for a program that explains all ways")
             explainer = self._explainer(range(len(self.traces.scenes)), limits)
             if programs := explainer.programs():
                 return list(dict.fromkeys([*programs, *(v for p in programs for v in explainer.variants(p))]))
