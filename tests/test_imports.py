@@ -19,7 +19,7 @@ FLOORS = [
     {"synthesis"},
     {"train", "evaluate", "metrics"},
     {"report", "viewer", "bench"},
-    {"doctor"},
+    {"doctor", "studio"},
     {"cli", "recipes"},
     {"__main__"},
 ]

@@ -23,6 +23,7 @@ from evaps.cli.generate import Generate, Render
 from evaps.cli.make_task import MakeTask
 from evaps.cli.report import Report
 from evaps.cli.run import Run
+from evaps.cli.studio import Studio
 from evaps.cli.synthesize import Demo, Synthesize
 from evaps.cli.train import Train
 
@@ -39,6 +40,7 @@ AnyCommand: TypeAlias = (
     | Annotated[Report, subcommand("report")]
     | Annotated[Export, subcommand("export")]
     | Annotated[Bench, subcommand("bench")]
+    | Annotated[Studio, subcommand("studio")]
     | Annotated[Doctor, subcommand("doctor")]
     | Annotated[Demo, subcommand("demo")]
 )

@@ -40,10 +40,10 @@ class TransformerConfig:
 
 @dataclass(frozen=True)
 class TransformerState:
-    """The decoder between two steps: each task's pairs, and the tokens so far."""
+    """The decoder between two steps: each task's pairs, and for each layer the tokens' keys and values."""
 
     memory: Float[Tensor, "batch pair hidden"]
-    tokens: Int[Tensor, "batch time"]
+    seen: Float[Tensor, "layer 2 batch time hidden"]
 
 
 class Transformer(Synthesizer):
@@ -71,8 +71,9 @@ class Transformer(Synthesizer):
     def start(self, features: Features) -> TransformerState:
         """Embed the pairs."""
         pairs = self.norm(self.pair(features[:, :, 0], features[:, :, 1]))
-        nothing = torch.zeros(len(features), 0, dtype=torch.long, device=features.device)
-        return TransformerState(self.memory(self.dropout(pairs)), nothing)
+        memory = self.memory(self.dropout(pairs))
+        nothing = memory.new_zeros(self.config.layers, 2, len(features), 0, self.config.hidden)
+        return TransformerState(memory, nothing)
 
     def step(
         self,
@@ -81,13 +82,18 @@ class Transformer(Synthesizer):
         rows: Int[Tensor, " batch"] | None,
     ) -> tuple[Float[Tensor, "batch vocab"], TransformerState]:
         """One token further; see :meth:`Synthesizer.step`."""
-        memory, before = state.memory, state.tokens
+        memory, before = state.memory, state.seen
         if rows is not None:
-            memory, before = memory[rows], before[rows]
+            memory, before = memory[rows], before[:, :, rows]
         if tokens is None:
             tokens = torch.zeros(len(memory), dtype=torch.long, device=memory.device)
-        before = torch.cat([before, tokens[:, None]], 1)
-        return self._decode(memory, before)[:, -1], TransformerState(memory, before)
+        x = self.dropout(self.token(tokens) + self.position.weight[before.shape[3]])[:, None]
+        seen, norm = [], self.decoder.norm
+        assert norm is not None
+        for layer, earlier in zip(self.decoder.layers, before, strict=True):
+            x, known = _one_token(layer, x, earlier, memory.to(x.dtype))
+            seen.append(known)
+        return self.output(norm(x[:, 0])), TransformerState(memory, torch.stack(seen))
 
     def logits(
         self, features: Features, tokens: Int[Tensor, "batch time"]
@@ -103,3 +109,22 @@ class Transformer(Synthesizer):
         causal = nn.Transformer.generate_square_subsequent_mask(time, device=tokens.device)
         hidden = self.decoder(self.dropout(x), memory.to(x.dtype), tgt_mask=causal, tgt_is_causal=True)
         return self.output(hidden)
+
+
+def _one_token(
+    layer: nn.TransformerDecoderLayer,
+    x: Float[Tensor, "batch 1 hidden"],
+    earlier: Float[Tensor, "2 batch time hidden"],
+    memory: Float[Tensor, "batch pair hidden"],
+) -> tuple[Float[Tensor, "batch 1 hidden"], Float[Tensor, "2 batch time+1 hidden"]]:
+    """What a layer makes of the next token; keys and values of all tokens, its own among them."""
+    attention = layer.self_attn
+    projected = F.linear(layer.norm1(x), attention.in_proj_weight, attention.in_proj_bias)
+    query, *now = projected.chunk(3, -1)
+    seen = torch.cat([earlier.to(projected.dtype), torch.stack(now)], 2)
+    heads = [each.unflatten(-1, (attention.num_heads, -1)).transpose(1, 2) for each in (query, *seen)]
+    attended = F.scaled_dot_product_attention(*heads).transpose(1, 2).flatten(2)
+    x = x + layer.dropout1(attention.out_proj(attended))
+    x = x + layer.dropout2(layer.multihead_attn(layer.norm2(x), memory, memory, need_weights=False)[0])
+    inner = layer.dropout(layer.activation(layer.linear1(layer.norm3(x))))
+    return x + layer.dropout3(layer.linear2(inner)), seen

@@ -69,6 +69,9 @@ class DoomRobot(Robot):
 
     Args:
         time_limit: seconds after which an engine that does not answer is replaced.
+
+    Attributes:
+        replaced: how many engines have died or hung so far.
     """
 
     def __init__(self, time_limit: float = TIME_LIMIT) -> None:
@@ -81,6 +84,7 @@ class DoomRobot(Robot):
         self._fired = False  # since somebody last looked
         self._to_clip = math.inf  # on the axis on which it is further; it may be more
         self._resets = 0
+        self.replaced = 0
         self._seen: Any = None
         self._view: PaletteFrame | None = None
 
@@ -181,6 +185,7 @@ class DoomRobot(Robot):
                 return self._engine.call(work)
             except EngineError:
                 self._end_engine()
+                self.replaced += 1
                 if not tries_left:
                     raise
             except BaseException:  # Ctrl-C in the middle of an action: nobody knows where the engine stands

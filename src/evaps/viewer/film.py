@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -47,26 +47,28 @@ class Moment:
     segments: frozenset[int]
 
 
+def look(robot: Robot) -> Moment:
+    """What is to be seen of a robot as it stands."""
+    perceived = tuple(key for key in PERCEPTION_KEYS if robot.perceive(key))
+    return Moment(robot.observe(), robot.state(), perceived, frozenset())
+
+
 class _Witness:
     """A robot whose every view, state and perception is kept."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self.seen = [self._look()]
-
-    def _look(self) -> tuple[Observation, WorldState, tuple[str, ...]]:
-        perceived = tuple(key for key in PERCEPTION_KEYS if self.robot.perceive(key))
-        return self.robot.observe(), self.robot.state(), perceived
+        self.seen = [look(robot)]
 
     def act(self, action: str) -> None:
         self.robot.act(action)
-        self.seen.append(self._look())
+        self.seen.append(look(self.robot))
 
     def perceive(self, perception: str) -> bool:
         return self.robot.perceive(perception)
 
     def observe(self) -> Observation:
-        return self.seen[-1][0]
+        return self.seen[-1].view
 
 
 def record(program: Program, scene: Scene, robot: Robot) -> tuple[Trace[Observation], list[Moment]]:
@@ -77,7 +79,7 @@ def record(program: Program, scene: Scene, robot: Robot) -> tuple[Trace[Observat
     busy: list[set[int]] = [set() for _ in witness.seen]
     for event in trace.events:
         busy[event.time].add(event.segment)
-    moments = [Moment(*seen, frozenset(at)) for seen, at in zip(witness.seen, busy, strict=True)]
+    moments = [replace(seen, segments=frozenset(at)) for seen, at in zip(witness.seen, busy, strict=True)]
     return trace, moments
 
 

@@ -1,0 +1,54 @@
+"""``evaps studio``: the live page."""
+
+from __future__ import annotations
+
+import socket
+from dataclasses import dataclass
+
+from evaps.cli.command import Command
+from evaps.cli.synthesize import SHIPPED_TASKS
+from evaps.dsl import UserError
+
+
+@dataclass(frozen=True)
+class Studio(Command):
+    """A local page on which to set up scenes, drive the robot, run programs, and have them written.
+
+    Needs the extra `viewer`: pip install 'evaps[viewer]'. It listens on this machine only; Ctrl-C ends it.
+    """
+
+    port: int = 8000
+    """Where it listens; 0 for any that is free."""
+    host: str = "127.0.0.1"
+    """The address to listen on; with another than this machine's own, whoever can reach it can use it."""
+    model: str = "small"
+    """A shipped set of checkpoints, or a folder of them."""
+
+    def run(self) -> None:
+        """Serve it until Ctrl-C."""
+        if not 0 <= self.port <= 65_535:
+            raise UserError(f"--port must be between 0 and 65535, not {self.port}")
+        try:
+            import uvicorn
+
+            from evaps.studio import LOOPBACK, create_app
+        except ImportError as error:
+            raise UserError(f"the studio needs {error.name}; try: pip install 'evaps[viewer]'") from error
+
+        tasks = [path.parent for root in SHIPPED_TASKS for path in sorted(root.glob("*/task.json"))]
+        listening = _listen(self.host, self.port)
+        name, port = listening.getsockname()[:2]
+        app = create_app(tasks, self.model, {*LOOPBACK, self.host, name})
+        shown = f"[{name}]" if ":" in name else name
+        print(f"evaps studio: http://{shown}:{port}/ (Ctrl-C ends it)", flush=True)
+        server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=2))
+        server.run([listening])
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    """A socket that listens, before anything heavy is begun."""
+    try:
+        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        return socket.create_server(address[:2], family=family)
+    except (OSError, UnicodeError) as error:
+        raise UserError(f"cannot listen on {host}, port {port}: {error}; try another --port") from error

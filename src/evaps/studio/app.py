@@ -1,0 +1,192 @@
+"""The studio's routes. The page is `page/`; nothing has to be built for it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import AsyncIterator, Collection, Iterator
+from contextlib import asynccontextmanager
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from zipfile import ZipFile
+
+import numpy as np
+from fastapi import FastAPI, HTTPException, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, Response, StreamingResponse
+from starlette.exceptions import HTTPException as StarletteHTTPException
+
+from evaps.dsl import Program, UserError
+from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
+from evaps.models import Model, load_model
+from evaps.robots.base import EngineError
+from evaps.robots.scenes import ANY_Y, ROBOT_X, THING_X, random_scene
+from evaps.robots.wad import ARENA_X, ARENA_Y, RADII, ROBOT_RADIUS
+from evaps.studio import forms
+from evaps.studio.engines import Engines
+from evaps.studio.guard import guard
+from evaps.studio.search import Job, Searches, lines_of
+from evaps.synthesis import Budget
+from evaps.tasks.task import EXAMPLES, load_task, save_task
+from evaps.viewer.film import look, record
+
+PAGE = Path(__file__).parent / "page"
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+METHODS = ("verified", "evaps", "lgrl")
+FACTS = {
+    "arena": {"x": ARENA_X, "y": ARENA_Y},
+    "places": {"robot": ROBOT_X, "things": THING_X, "y": ANY_Y},
+    "radii": {**RADII, "robot": ROBOT_RADIUS},
+    "actions": ACTIONS,
+    "perceptions": PERCEPTION_KEYS,
+    "methods": METHODS,
+    "examples": EXAMPLES,
+}
+
+
+def create_app(
+    tasks: Collection[Path] = (), model: str = "small", hosts: Collection[str] = LOOPBACK
+) -> FastAPI:
+    """The studio as an application for an ASGI server.
+
+    Args:
+        tasks: task folders that can be loaded, by their names.
+        model: a shipped set of checkpoints, or a folder of them.
+        hosts: names that the server is called by; requests for others are refused.
+    """
+    engines, searches = Engines(), Searches()
+    folders = {path.name: path for path in tasks}
+
+    @asynccontextmanager
+    async def life(_: FastAPI) -> AsyncIterator[None]:
+        yield
+        searches.close()
+        engines.close()
+
+    app = FastAPI(title="evaps studio", lifespan=life, docs_url=None, redoc_url=None, openapi_url=None)
+    guard(app, hosts)
+    _tell_errors(app)
+
+    @app.get("/")
+    def page() -> FileResponse:
+        return FileResponse(PAGE / "studio.html")
+
+    @app.get("/{name}.{kind}")
+    def part(name: str, kind: str) -> FileResponse:
+        if (name, kind) not in {("studio", "js"), ("studio", "css")}:
+            raise HTTPException(404)
+        return FileResponse(PAGE / f"{name}.{kind}")
+
+    @app.get("/api/facts")
+    def facts() -> dict[str, Any]:
+        return {**FACTS, "tasks": sorted(folders)}
+
+    @app.get("/api/health")
+    def health() -> dict[str, int]:
+        return {"engines_replaced": engines.replaced}
+
+    @app.post("/api/random-scene")
+    def random() -> dict[str, Any]:
+        return random_scene(np.random.default_rng()).to_json()
+
+    @app.get("/api/tasks/{name}")
+    def task(name: str) -> dict[str, Any]:
+        if name not in folders:
+            raise HTTPException(404, f"there is no task {name!r}")
+        return {
+            "name": name,
+            "examples": [forms.example_json(example) for example in load_task(folders[name]).examples],
+        }
+
+    @app.post("/api/check")
+    def check(form: forms.ProgramForm) -> dict[str, Any]:
+        return forms.program_json(form.program)
+
+    @app.post("/api/run")
+    def run(form: forms.RunForm) -> dict[str, Any]:
+        scene = forms.read_scene(form.scene)
+        program = Program.parse(form.program) if form.program is not None else None
+        with engines.robot() as robot:
+            if program is not None:
+                return forms.run_json(program, *record(program, scene, robot))
+            robot.reset(scene)
+            return {"moments": [{**forms.moment_json(look(robot)), "lines": []}]}
+
+    @app.post("/api/task.zip")
+    def folder(form: forms.TaskForm) -> Response:
+        with engines.robot() as robot:
+            content = forms.read_task(form, robot)
+        headers = {"Content-Disposition": f'attachment; filename="{form.name}.zip"'}
+        with TemporaryDirectory() as parent:
+            path = Path(parent) / form.name
+            save_task(content, path)
+            return Response(_zipped(path), media_type="application/zip", headers=headers)
+
+    @app.post("/api/synthesize")
+    def synthesize(form: forms.SynthesisForm) -> StreamingResponse:
+        solver = _model(model, form.method)
+        with engines.robot() as robot:
+            content = forms.read_task(form, robot)
+        job = searches.begin(solver, content, Budget(form.actions, form.seconds))
+        return StreamingResponse(_spoken(job), media_type="application/x-ndjson")
+
+    @app.post("/api/stop/{job}")
+    def stop(job: str) -> dict[str, bool]:
+        searches.stop(job)
+        return {"stopped": True}
+
+    @app.get("/api/report/{job}")
+    def report(job: str) -> HTMLResponse:
+        if job not in searches.pages:
+            raise HTTPException(404, "this report is not kept any longer; run the search again")
+        policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+        return HTMLResponse(searches.pages[job], headers={"Content-Security-Policy": policy})
+
+    return app
+
+
+@cache
+def _model(model: str, method: str) -> Model:
+    return load_model(model, method)
+
+
+def _spoken(job: Job) -> Iterator[str]:
+    """Line after line as JSON; if nobody listens any longer, the search is stopped."""
+    try:
+        yield json.dumps({"job": job.id}) + "\n"
+        for line in lines_of(job):
+            yield json.dumps(line) + "\n"
+    finally:
+        job.stopped.set()
+
+
+def _zipped(folder: Path) -> bytes:
+    file = BytesIO()
+    with ZipFile(file, "w") as archive:
+        for path in sorted(folder.iterdir()):
+            archive.write(path, f"{folder.name}/{path.name}")
+    return file.getvalue()
+
+
+def _tell_errors(app: FastAPI) -> None:
+    """Whatever goes wrong is one line, ``{"error": ...}``."""
+
+    @app.exception_handler(UserError)
+    def wrong(_: Request, error: UserError) -> JSONResponse:
+        return JSONResponse({"error": str(error)}, 422)
+
+    @app.exception_handler(RequestValidationError)
+    def malformed(_: Request, error: RequestValidationError) -> JSONResponse:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"] if part != "body")
+        return JSONResponse({"error": f"{where}: {first['msg']}"}, 422)
+
+    @app.exception_handler(EngineError)
+    def broken(_: Request, error: EngineError) -> JSONResponse:
+        return JSONResponse({"error": str(error)}, 503)
+
+    @app.exception_handler(StarletteHTTPException)
+    def refused(_: Request, error: StarletteHTTPException) -> JSONResponse:
+        return JSONResponse({"error": error.detail}, error.status_code)

@@ -1,0 +1,503 @@
+// The studio's page: one state, and functions that draw a part of it each.
+"use strict";
+
+const $ = (id) => document.getElementById(id);
+const STEP = 8, FAR = 32, TURN = 15; // map units and degrees a key press
+const KEYS = {
+  w: "MOVE_FORWARD", s: "MOVE_BACKWARD", a: "MOVE_LEFT", d: "MOVE_RIGHT",
+  q: "TURN_LEFT", e: "TURN_RIGHT", " ": "ATTACK",
+};
+const WORDS = { MOVE_FORWARD: "ahead", MOVE_BACKWARD: "back", MOVE_LEFT: "left", MOVE_RIGHT: "right",
+  TURN_LEFT: "turn left", TURN_RIGHT: "turn right", ATTACK: "shoot" };
+const BUTTONS = ["TURN_LEFT", "MOVE_FORWARD", "TURN_RIGHT", "MOVE_LEFT", "MOVE_BACKWARD", "MOVE_RIGHT", "ATTACK"];
+
+let facts;
+const state = {
+  scene: { robot: { x: -300, y: 288, heading: 0 }, things: [{ kind: "Demon", x: -100, y: 300 }] },
+  driven: [],      // actions, if the robot is driven by hand
+  byHand: true,
+  run: null,       // what /api/run said of the current scene
+  time: 0,
+  examples: [],    // at most five: { scene, goal_rgb, goal_depth, first }
+  job: null,
+};
+
+// --- asking the server -------------------------------------------------------------------------------------
+
+async function ask(path, body) {
+  const options = body === undefined ? {} : {
+    method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
+  let reply;
+  try {
+    reply = await fetch(path, options);
+  } catch {
+    throw new Error("the studio does not answer; is `evaps studio` still running?");
+  }
+  if (!reply.ok) throw new Error((await reply.json().catch(() => ({}))).error ?? `error ${reply.status}`);
+  return reply;
+}
+
+const askJson = async (path, body) => (await ask(path, body)).json();
+
+function say(text) {
+  $("message").hidden = !text;
+  $("message").textContent = text ?? "";
+}
+
+/** A listener that says what went wrong, and lets a button be pressed once at a time. */
+function safely(action) {
+  return async (event) => {
+    const button = event?.currentTarget instanceof HTMLButtonElement ? event.currentTarget : null;
+    if (button) button.setAttribute("aria-busy", "true");
+    try {
+      say(null);
+      await action(event);
+    } catch (error) {
+      say(error.message);
+    } finally {
+      button?.removeAttribute("aria-busy");
+    }
+  };
+}
+
+// --- running ------------------------------------------------------------------------------------------------
+
+const asPython = (actions) => "def run():\n" + actions.map((a) => `    ${a.toLowerCase()}()\n`).join("");
+const program = () => (state.byHand ? (state.driven.length ? asPython(state.driven) : null) : $("code").value);
+
+let asked = 0;
+/** Run what is to be run on the scene; only the answer to the newest question counts. */
+async function refresh(atEnd = true) {
+  const question = ++asked;
+  const found = await askJson("api/run", { scene: state.scene, program: program() });
+  if (question !== asked) return;
+  state.run = found;
+  state.time = atEnd ? found.moments.length - 1 : 0;
+  drawMoment();
+  const health = await askJson("api/health");
+  if (health.engines_replaced > (refresh.replaced ?? 0)) {
+    say("An engine had died; a new one has taken its place, and nothing is lost.");
+  }
+  refresh.replaced = health.engines_replaced;
+}
+
+let waiting;
+function refreshSoon() {
+  clearTimeout(waiting);
+  waiting = setTimeout(safely(() => refresh(state.byHand)), 120);
+}
+
+function sceneChanged() {
+  state.driven = state.byHand ? [] : state.driven;
+  if (!state.byHand) state.byHand = true, choose("drive");
+  drawMap();
+  refreshSoon();
+}
+
+// --- the map ------------------------------------------------------------------------------------------------
+
+const SVG = "http://www.w3.org/2000/svg";
+function shape(name, attributes, parent) {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  parent?.append(made);
+  return made;
+}
+
+const across = (x) => x - facts.arena.x[0];
+const down = (y) => facts.arena.y[1] - y;
+
+function drawMap(keep) {
+  const map = $("map");
+  map.setAttribute("viewBox", `0 0 ${facts.arena.x[1] - facts.arena.x[0]} ${facts.arena.y[1] - facts.arena.y[0]}`);
+  map.replaceChildren();
+  const moments = state.run?.moments.slice(0, state.time + 1) ?? [];
+  const now = moments.at(-1)?.state;
+  if (moments.length > 1) {
+    const way = moments.map((m) => `${across(m.state.x)},${down(m.state.y)}`).join(" ");
+    shape("polyline", { class: "way", points: way }, map);
+    marker(map, now.x, now.y, now.heading, "ghost");
+  }
+  state.scene.things.forEach((thing, index) => {
+    const gone = now && !now.things.some((t) => t.alive && t.kind === thing.kind && near(t, thing));
+    const group = item(map, thing, `${thing.kind} ${index + 1}`, gone);
+    shape("circle", { class: `body ${thing.kind}`, r: facts.radii[thing.kind] }, group);
+    shape("text", { y: 5, "text-anchor": "middle" }, group).textContent = thing.kind;
+  });
+  const robot = item(map, state.scene.robot, `The robot, heading ${state.scene.robot.heading} degrees`, false);
+  shape("circle", { class: "body robot", r: facts.radii.robot }, robot);
+  const angle = (state.scene.robot.heading * Math.PI) / 180;
+  shape("line", { x2: 40 * Math.cos(angle), y2: -40 * Math.sin(angle), stroke: "var(--accent)", "stroke-width": 6 }, robot);
+  if (keep !== undefined) map.querySelectorAll(".thing")[keep]?.focus();
+}
+
+const near = (a, b) => Math.hypot(a.x - b.x, a.y - b.y) < 2;
+
+function marker(map, x, y, heading, name) {
+  const angle = (heading * Math.PI) / 180;
+  shape("circle", { class: name, cx: across(x), cy: down(y), r: facts.radii.robot }, map);
+  shape("line", { class: name, x1: across(x), y1: down(y), x2: across(x) + 34 * Math.cos(angle), y2: down(y) - 34 * Math.sin(angle) }, map);
+}
+
+/** Something on the map that can be dragged, and moved with keys. */
+function item(map, place, label, gone) {
+  const group = shape("g", { class: `thing${gone ? " dead" : ""}`, tabindex: 0, role: "button", "aria-label": `${label}, x ${place.x}, y ${place.y}`,
+    transform: `translate(${across(place.x)} ${down(place.y)})` }, map);
+  group.addEventListener("pointerdown", (event) => drag(event, place));
+  group.addEventListener("keydown", (event) => onKey(event, place));
+  return group;
+}
+
+const isRobot = (place) => place === state.scene.robot;
+const clamp = (value, [low, high]) => Math.min(high, Math.max(low, Math.round(value)));
+
+function move(place, x, y) {
+  place.x = clamp(x, isRobot(place) ? facts.places.robot : facts.places.things);
+  place.y = clamp(y, facts.places.y);
+}
+
+function drag(event, place) {
+  event.preventDefault();
+  const map = $("map");
+  const to = (e) => {
+    const point = new DOMPoint(e.clientX, e.clientY).matrixTransform(map.getScreenCTM().inverse());
+    move(place, point.x + facts.arena.x[0], facts.arena.y[1] - point.y);
+    drawMap();
+  };
+  const end = () => {
+    removeEventListener("pointermove", to);
+    sceneChanged();
+  };
+  addEventListener("pointermove", to);
+  addEventListener("pointerup", end, { once: true });
+}
+
+function onKey(event, place) {
+  const far = event.shiftKey ? FAR : STEP;
+  const moves = { ArrowLeft: [-far, 0], ArrowRight: [far, 0], ArrowUp: [0, far], ArrowDown: [0, -far] };
+  const index = isRobot(place) ? state.scene.things.length : state.scene.things.indexOf(place);
+  if (event.key in moves) move(place, place.x + moves[event.key][0], place.y + moves[event.key][1]);
+  else if (isRobot(place) && (event.key === "[" || event.key === "]"))
+    place.heading = (place.heading + (event.key === "[" ? TURN : 360 - TURN)) % 360;
+  else if (!isRobot(place) && (event.key === "Delete" || event.key === "Backspace")) state.scene.things.splice(index, 1);
+  else return;
+  event.preventDefault();
+  sceneChanged();
+  drawMap(index);
+}
+
+/** A free place for a new thing, looked for on a grid. */
+function add(kind) {
+  const others = [{ kind: "robot", ...state.scene.robot }, ...state.scene.things];
+  const free = (x, y) => others.every((o) => Math.max(Math.abs(o.x - x), Math.abs(o.y - y)) > facts.radii[o.kind] + facts.radii[kind] + 4);
+  for (let y = 288, i = 0; i < 24; i++, y = facts.places.y[0] + ((y - facts.places.y[0] + 64) % 384))
+    for (let x = -64; x >= facts.places.things[0]; x -= 64)
+      if (free(x, y)) {
+        state.scene.things.push({ kind, x, y });
+        sceneChanged();
+        return;
+      }
+  say("There is no room for another one.");
+}
+
+// --- what is seen -------------------------------------------------------------------------------------------
+
+function drawMoment() {
+  const { moments } = state.run;
+  const moment = moments[state.time];
+  $("rgb").src = moment.rgb;
+  $("depth").src = moment.depth;
+  $("time").max = moments.length - 1;
+  $("time").value = state.time;
+  $("time-text").textContent = `${state.time} of ${moments.length - 1}`;
+  $("perceptions").replaceChildren(...facts.perceptions.map((key) => {
+    const chip = document.createElement("li");
+    const is = moment.perceived.includes(key);
+    chip.className = is ? "true" : "";
+    chip.textContent = `${key.replace("ISTHERE", "is there").replace("INTARGET", "in target")}: ${is ? "yes" : "no"}`;
+    return chip;
+  }));
+  const action = state.run.actions?.[state.time];
+  const ending = state.run.halted === false ? "stopped: too many steps" : "the end";
+  $("now").textContent = action ? `next: ${WORDS[action]}` : moments.length > 1 ? ending : "";
+  $("driven").textContent = state.driven.map((a) => WORDS[a]).join(", ") || "nothing yet";
+  $("keep").disabled = state.examples.length >= facts.examples || state.run.halted === false;
+  drawLines(moment.lines);
+  drawMap();
+}
+
+/** Marks behind the editor's text: the lines that are at work, and the one that is wrong. */
+function drawLines(at = [], wrong) {
+  $("lines").replaceChildren(...$("code").value.split("\n").map((text, index) => {
+    const line = document.createElement("span");
+    line.textContent = `${text || " "}\n`;
+    if (!state.byHand && at.includes(index)) line.className = "at";
+    if (index + 1 === wrong) line.className = "wrong";
+    return line;
+  }));
+  $("lines").scrollTop = $("code").scrollTop;
+  $("lines").scrollLeft = $("code").scrollLeft;
+}
+
+// --- driving, and programs ----------------------------------------------------------------------------------
+
+async function drive(action) {
+  state.driven.push(action);
+  try {
+    await refresh();
+  } catch (error) {
+    state.driven.pop();
+    throw error;
+  }
+}
+
+function choose(name) {
+  for (const tab of ["drive", "program"]) {
+    const chosen = tab === name;
+    $(`tab-${tab}`).setAttribute("aria-selected", chosen);
+    $(`tab-${tab}`).tabIndex = chosen ? 0 : -1;
+    $(tab).hidden = !chosen;
+  }
+  state.byHand = name === "drive";
+}
+
+let checking;
+function check() {
+  clearTimeout(checking);
+  checking = setTimeout(safely(async () => {
+    const found = await askJson("api/check", { program: $("code").value });
+    $("code-error").textContent = found.error?.message ?? "";
+    drawLines([], found.error?.line);
+  }), 250);
+}
+
+async function runProgram() {
+  state.byHand = false;
+  state.driven = [];
+  await refresh(false);
+  $("code-error").textContent = "";
+}
+
+async function makeFive() {
+  const text = $("code").value;
+  const made = [];
+  for (let tries = 0; made.length < facts.examples && tries < 40; tries++) {
+    const scene = await askJson("api/random-scene", {});
+    const run = await askJson("api/run", { scene, program: text });
+    if (run.halted) made.push(exampleOf(scene, run));
+  }
+  if (made.length < facts.examples) throw new Error("the program does not come to an end in enough random scenes");
+  state.examples = made;
+  drawExamples();
+}
+
+// --- examples -----------------------------------------------------------------------------------------------
+
+function exampleOf(scene, run) {
+  const last = run.moments.at(-1);
+  return { scene: structuredClone(scene), goal_rgb: last.rgb, goal_depth: last.depth, first: run.moments[0].rgb };
+}
+
+function drawExamples(passed = []) {
+  const slots = Array.from({ length: facts.examples }, (_, index) => {
+    const slot = document.createElement("li");
+    const example = state.examples[index];
+    const head = document.createElement("strong");
+    head.textContent = `Example ${index + 1}`;
+    slot.append(head);
+    if (!example) return slot;
+    slot.className = "filled";
+    if (passed.length) {
+      const mark = document.createElement("span");
+      mark.className = passed[index] ? "yes" : "no";
+      mark.textContent = passed[index] ? " reached" : " not yet";
+      slot.append(mark);
+    }
+    slot.append(picture(example.first, "starts with", index), picture(example.goal_rgb, "should see", index));
+    slot.append(button("Go there", () => go(index)), button("Remove", () => {
+      state.examples.splice(index, 1);
+      drawExamples();
+    }));
+    return slot;
+  });
+  $("examples").replaceChildren(...slots);
+  $("synthesize").disabled = state.examples.length < facts.examples || state.job !== null;
+  $("save").disabled = state.examples.length < facts.examples;
+  if (state.run) $("keep").disabled = state.examples.length >= facts.examples || state.run.halted === false;
+}
+
+function picture(source, caption, index) {
+  const figure = document.createElement("figure");
+  const image = document.createElement("img");
+  if (source) image.src = source;
+  image.alt = `Example ${index + 1} ${caption}`;
+  const text = document.createElement("figcaption");
+  text.textContent = caption;
+  figure.append(image, text);
+  return figure;
+}
+
+function button(text, action) {
+  const made = document.createElement("button");
+  made.type = "button";
+  made.textContent = text;
+  made.addEventListener("click", safely(action));
+  return made;
+}
+
+async function go(index) {
+  state.scene = structuredClone(state.examples[index].scene);
+  state.driven = [];
+  await refresh(state.byHand);
+}
+
+async function load(name) {
+  const task = await askJson(`api/tasks/${encodeURIComponent(name)}`);
+  state.examples = task.examples;
+  $("task-name").value = task.name;
+  drawExamples();
+  for (const example of state.examples) {
+    example.first = (await askJson("api/run", { scene: example.scene })).moments[0].rgb;
+  }
+  drawExamples();
+  choose("drive");
+  await go(0);
+}
+
+const asTask = () => ({
+  name: $("task-name").value,
+  examples: state.examples.map(({ scene, goal_rgb, goal_depth }) => ({ scene, goal_rgb, goal_depth })),
+});
+
+async function save() {
+  const content = await (await ask("api/task.zip", asTask())).blob();
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(content);
+  link.download = `${$("task-name").value}.zip`;
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
+
+// --- synthesis ----------------------------------------------------------------------------------------------
+
+async function synthesize() {
+  $("log").replaceChildren();
+  $("result").hidden = true;
+  $("progress").textContent = "beginning...";
+  state.job = "starting";
+  drawExamples();
+  try {
+    const reply = await ask("api/synthesize",
+      { ...asTask(), method: $("method").value, seconds: Number($("seconds").value) });
+    $("stop").hidden = false;
+    for await (const line of linesOf(reply)) hear(line);
+  } finally {
+    state.job = null;
+    $("stop").hidden = true;
+    $("synthesize").disabled = state.examples.length < facts.examples;
+  }
+}
+
+async function* linesOf(reply) {
+  const reader = reply.body.pipeThrough(new TextDecoderStream()).getReader();
+  let rest = "";
+  for (;;) {
+    const { value, done } = await reader.read();
+    if (done) return;
+    const lines = (rest + value).split("\n");
+    rest = lines.pop();
+    for (const line of lines) yield JSON.parse(line);
+  }
+}
+
+function hear(line) {
+  if (line.error) throw new Error(line.error);
+  if (line.job) state.job = line.job;
+  if (line.news) {
+    const passed = line.passed.filter(Boolean).length;
+    $("progress").textContent = `${passed} of ${line.passed.length} goals, ${line.actions} actions simulated, ${line.seconds.toFixed(1)} s`;
+    const entry = document.createElement("li");
+    entry.textContent = `${line.seconds.toFixed(1)} s: ${line.news}`;
+    $("log").append(entry);
+    drawExamples(line.passed);
+  }
+  if (line.candidates) showAnswer(line);
+}
+
+function showAnswer(answer) {
+  const [best, ...others] = answer.candidates;
+  const sure = answer.confidence === null || !answer.solved ? "" : `, confidence ${answer.confidence.toFixed(2)}`;
+  const what = answer.solved ? "It reaches all five goals" : answer.stopped ? "Stopped; the best so far" : "None reaches all goals; the best so far";
+  $("verdict").textContent = `${what}${sure} (${answer.seconds.toFixed(1)} s, ${answer.actions} actions)`;
+  $("verdict").className = answer.solved ? "yes" : "no";
+  $("found").textContent = best.python;
+  $("report").href = `api/report/${state.job}`;
+  $("others-box").hidden = others.length === 0;
+  $("others").replaceChildren(...others.map((other) => {
+    const entry = document.createElement("li");
+    entry.textContent = `${other.passed.filter(Boolean).length} of ${other.passed.length}, ${other.origin}`;
+    const text = document.createElement("pre");
+    text.textContent = other.python;
+    entry.append(text);
+    return entry;
+  }));
+  $("result").hidden = false;
+  drawExamples(best.passed);
+}
+
+// --- beginning ----------------------------------------------------------------------------------------------
+
+function listen() {
+  const on = (id, action, event = "click") => $(id).addEventListener(event, safely(action));
+  on("random-scene", async () => { state.scene = await askJson("api/random-scene", {}); sceneChanged(); });
+  on("time", () => { state.time = Number($("time").value); drawMoment(); }, "input");
+  on("undo", async () => { state.driven.pop(); await refresh(); });
+  on("restart", async () => { state.driven = []; await refresh(); });
+  on("run", runProgram);
+  on("five", makeFive);
+  on("keep", () => { state.examples.push(exampleOf(state.scene, state.run)); drawExamples(); });
+  on("tasks", async () => { if ($("tasks").value) await load($("tasks").value); }, "change");
+  on("save", save);
+  on("clear", () => { state.examples = []; $("result").hidden = true; $("log").replaceChildren(); $("progress").textContent = ""; drawExamples(); });
+  on("synthesize", synthesize);
+  on("stop", async () => { await askJson(`api/stop/${state.job}`, {}); });
+  on("take", async () => { choose("program"); $("code").value = $("found").textContent; await runProgram(); });
+  $("code").addEventListener("input", check);
+  $("code").addEventListener("scroll", () => { $("lines").scrollTop = $("code").scrollTop; $("lines").scrollLeft = $("code").scrollLeft; });
+  for (const tab of ["drive", "program"]) on(`tab-${tab}`, () => { choose(tab); });
+  document.querySelector("[role=tablist]").addEventListener("keydown", (event) => {
+    if (event.key !== "ArrowLeft" && event.key !== "ArrowRight") return;
+    const other = state.byHand ? "program" : "drive";
+    choose(other);
+    $(`tab-${other}`).focus();
+  });
+  $("drive").addEventListener("keydown", safely(async (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key === "Backspace") { event.preventDefault(); state.driven.pop(); await refresh(); return; }
+    const action = KEYS[event.key.toLowerCase()];
+    if (!action || (event.key === " " && event.target.id !== "")) return; // space presses other buttons
+    event.preventDefault();
+    await drive(action);
+  }));
+}
+
+async function begin() {
+  facts = await askJson("api/facts");
+  const kinds = Object.keys(facts.radii).filter((kind) => kind !== "robot");
+  $("palette").append(...kinds.map((kind) => button(`+ ${kind}`, () => add(kind))));
+  $("buttons").append(...BUTTONS.map((action) => button(WORDS[action], () => drive(action))));
+  $("known-actions").textContent = facts.actions.map((a) => `${a.toLowerCase()}()`).join(" ");
+  $("known-conditions").textContent = facts.perceptions.map((key) => {
+    const [name, thing] = key.split(" ");
+    return `${name === "ISTHERE" ? "is_there" : "in_target"}(${thing})`;
+  }).join(" ");
+  $("tasks").append(...facts.tasks.map((name) => new Option(name, name)));
+  $("method").append(...facts.methods.map((name) => new Option(name, name)));
+  $("code").value = "def run():\n    while not in_target(Demon):\n        turn_left()\n    attack()\n";
+  listen();
+  drawExamples();
+  drawMap();
+  await refresh();
+}
+
+safely(begin)();

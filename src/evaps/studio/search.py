@@ -1,0 +1,146 @@
+"""A search in the background: what it has to say as it goes on, and its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
+from threading import Event, Lock, Thread
+from typing import Any
+from uuid import uuid4
+
+from evaps.dsl import UserError
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.models import Model
+from evaps.robots.base import EngineError
+from evaps.robots.doom import DoomRobot
+from evaps.robots.memo import MemoRobot
+from evaps.synthesis import SPARES, Budget, News, Solution, Watch, solve
+from evaps.tasks.task import Task
+from evaps.viewer import TaskReport
+from evaps.viewer.page import render_page
+
+PAGES_KEPT = 5
+HEARTBEAT = 0.5  # seconds between two signs of life
+
+
+@dataclass
+class Job:
+    """A search that is under way.
+
+    Attributes:
+        id: what it is called.
+        lines: what is to be sent, JSON values; None is the end.
+        stopped: set it, and the search comes back with the best that it has.
+    """
+
+    id: str = field(default_factory=lambda: uuid4().hex)
+    lines: SimpleQueue[dict[str, Any] | None] = field(default_factory=SimpleQueue)
+    stopped: Event = field(default_factory=Event)
+
+
+class Searches:
+    """Runs one search at a time, on engines of its own, and keeps the pages of the last ones."""
+
+    def __init__(self) -> None:
+        self.pages: dict[str, str] = {}
+        self._jobs: dict[str, Job] = {}
+        self._busy = Lock()
+        self._robots: list[DoomRobot] = []
+
+    def begin(self, model: Model, task: Task, budget: Budget) -> Job:
+        """Start a search.
+
+        Raises:
+            EngineError: there is one already.
+        """
+        if not self._busy.acquire(blocking=False):
+            raise EngineError("another search is under way; stop it first, or wait until it ends")
+        job = Job()
+        self._jobs[job.id] = job
+        Thread(target=self._work, args=(job, model, task, budget), daemon=True).start()
+        return job
+
+    def stop(self, job: str) -> None:
+        """Ask a search to end; one that has ended already is no error."""
+        if job in self._jobs:
+            self._jobs[job].stopped.set()
+
+    def close(self) -> None:
+        """Stop what is under way, and end the engines."""
+        for job in list(self._jobs.values()):
+            job.stopped.set()
+        with self._busy:
+            for robot in self._robots:
+                robot.close()
+
+    def _work(self, job: Job, model: Model, task: Task, budget: Budget) -> None:
+        try:
+            self._search(job, model, task, budget)
+        except (UserError, EngineError) as error:
+            job.lines.put({"error": str(error)})
+        except Exception as error:  # whatever it was, whoever waits has to know
+            job.lines.put({"error": f"unexpected {type(error).__name__}: {error}"})
+        finally:
+            del self._jobs[job.id]
+            self._busy.release()
+            job.lines.put(None)
+
+    def _search(self, job: Job, model: Model, task: Task, budget: Budget) -> None:
+        import torch
+
+        torch.set_num_threads(1)
+        if not self._robots:
+            self._robots = [DoomRobot() for _ in range(1 + SPARES)]
+        memo = MemoRobot(self._robots[0], PERCEPTION_KEYS, spares=self._robots[1:])
+        watch = Watch(lambda news: job.lines.put(news_json(news)), job.stopped.is_set)
+        solution = solve(model, task, memo, budget=budget, watch=watch)
+        self.pages[job.id] = render_page([TaskReport(task, solution)])  # while the views are there
+        while len(self.pages) > PAGES_KEPT:
+            del self.pages[next(iter(self.pages))]
+        memo.leave()
+        job.lines.put(answer_json(solution, job.stopped.is_set()))
+
+
+def lines_of(job: Job) -> Iterator[dict[str, Any]]:
+    """What a search says, until it ends; an empty object now and then, if it says nothing for long."""
+    while True:
+        try:
+            line = job.lines.get(timeout=HEARTBEAT)
+        except Empty:
+            yield {}
+            continue
+        if line is None:
+            return
+        yield line
+
+
+def news_json(news: News) -> dict[str, Any]:
+    """``{"news", "passed", "python", "actions", "seconds"}``."""
+    return {
+        "news": news.text,
+        "passed": list(news.passed),
+        "python": news.program.to_python() if news.program else None,
+        "actions": news.actions,
+        "seconds": round(news.seconds, 2),
+    }
+
+
+def answer_json(solution: Solution, stopped: bool) -> dict[str, Any]:
+    """The answer, and the candidates with what each passes and, if it was repaired, what it was before."""
+    return {
+        "solved": solution.solved,
+        "stopped": stopped,
+        "confidence": solution.confidence,
+        "actions": solution.simulated_actions,
+        "seconds": round(solution.seconds, 2),
+        "candidates": [
+            {
+                "python": candidate.program.to_python(),
+                "passed": list(candidate.final.passed),
+                "origin": candidate.origin,
+                "before": [a.program.to_python() for a in candidate.attempts[:-1]],
+            }
+            for candidate in solution.candidates
+        ],
+    }
