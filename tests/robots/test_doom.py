@@ -664,3 +664,16 @@ except KeyboardInterrupt:
     while (left := [pid for pid in before if Path(f"/proc/{pid}").exists()]) and time.monotonic() < until:
         time.sleep(0.05)
     assert not left
+
+
+def test_engines_that_start_in_several_threads_leave_the_process_where_it_is() -> None:
+    here, robots = os.getcwd(), [DoomRobot() for _ in range(6)]
+    threads = [threading.Thread(target=robot.reset, args=(scene((0, 288, 0)),)) for robot in robots]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for robot in robots:
+        assert robot.state().robot == Pose(0, 288, 0)
+        robot.close()
+    assert os.getcwd() == here

@@ -34,6 +34,7 @@ VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "HEALTH", "AMMO2")
 MOTION = ("POSITION_Z", "VELOCITY_X", "VELOCITY_Y", "VELOCITY_Z", "VIEW_HEIGHT", "PITCH")
 TIME_LIMIT = 30.0  # seconds for a call that usually takes 0.001; longer, and the engine hangs
 MEMORY_LIMIT = 1 << 30  # bytes; it usually holds 16 MB
+_STARTING = threading.Lock()
 
 Result = TypeVar("Result")
 
@@ -203,7 +204,8 @@ def start_engine(wad: Path) -> Any:
     game = vizdoom.DoomGame()
     _configure(game, vizdoom, wad)
     try:
-        with interrupts_blocked(), chdir(wad.parent):  # the engine makes a folder where it is started
+        # The engine makes a folder where it is started, and all threads are in one place: one at a time.
+        with _STARTING, interrupts_blocked(), chdir(wad.parent):
             game.init()
     except Exception as error:
         raise EngineError(f"the ViZDoom engine cannot start: {_one_line(error)}") from error

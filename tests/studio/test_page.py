@@ -1,0 +1,111 @@
+"""The studio as its user sees it, in Debian's Chromium (apt-get install chromium; else these are skipped)."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Page, expect, sync_playwright
+
+from .conftest import TASKS
+
+CHROMIUM = shutil.which("chromium")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium here")]
+QUIET = "--no-sandbox --disable-gpu --no-first-run --disable-background-networking --disable-component-update"
+SECONDS = 10_000  # milliseconds: other tests may have both cores
+
+
+@pytest.fixture(scope="module")
+def pages(address: str) -> Iterator[Page]:
+    """One page for all tests of this file; each goes on from where it is."""
+    expect.set_options(timeout=SECONDS)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET.split())
+        page = browser.new_page(viewport={"width": 1280, "height": 1400})
+        page.set_default_timeout(SECONDS)
+        page.goto(address)
+        yield page
+        browser.close()
+
+
+@pytest.fixture
+def page(pages: Page) -> Iterator[Page]:
+    """The page, on which nothing goes wrong that it does not say."""
+    wrong: list[str] = []
+    pages.on("pageerror", lambda error: wrong.append(str(error)))
+    pages.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+    yield pages
+    assert not wrong
+
+
+def test_somebody_drives_and_keeps_an_example(page: Page) -> None:
+    expect(page.locator("#perceptions li.true").first).to_be_visible()
+    page.get_by_role("button", name="turn left", exact=True).click()
+    expect(page.locator("#time-text")).to_have_text("1 of 1")
+    page.keyboard.press("w")
+    expect(page.locator("#time-text")).to_have_text("2 of 2")
+    expect(page.locator("#driven")).to_have_text("turn left, ahead")
+    page.get_by_role("button", name="Keep this as an example").click()
+    expect(page.locator("#examples li.filled")).to_have_count(1)
+
+
+def test_a_thing_is_moved_with_the_mouse_and_with_keys(page: Page) -> None:
+    demon = page.get_by_role("button", name="Demon 1")
+    box = demon.bounding_box()
+    assert box is not None
+    seen = page.locator("#rgb").get_attribute("src")
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 60, box["y"] - 80, steps=4)
+    page.mouse.up()
+    expect(page.locator("#rgb")).not_to_have_attribute("src", str(seen))
+    expect(page.locator("#time-text")).to_have_text("0 of 0")
+    where = str(demon.get_attribute("aria-label"))
+    demon.focus()
+    page.keyboard.press("ArrowLeft")
+    expect(page.locator("[aria-label^='Demon 1']")).not_to_have_attribute("aria-label", where)
+    page.keyboard.press("Delete")
+    expect(page.locator("[aria-label^='Demon 1']")).to_have_count(0)
+    expect(page.locator("#perceptions li.true")).to_have_count(0)
+
+
+def test_a_program_is_written_and_told_where_it_is_wrong(page: Page) -> None:
+    page.get_by_role("tab", name="Program").click()
+    page.locator("#code").fill("def run():\n    jump()\n")
+    expect(page.locator("#code-error")).to_contain_text("line 2, column 5")
+    expect(page.locator("#lines .wrong")).to_have_text("    jump()")
+    page.locator("#code").fill("def run():\n    turn_left()\n    attack()\n")
+    expect(page.locator("#code-error")).to_be_empty()
+    page.get_by_role("button", name="Run it here").click()
+    expect(page.locator("#time-text")).to_have_text("0 of 2")
+    expect(page.locator("#lines .at")).to_have_text("    turn_left()")
+    page.locator("#time").press("ArrowRight")
+    expect(page.locator("#lines .at")).to_have_text("    attack()")
+
+
+def test_five_examples_become_a_program(page: Page) -> None:
+    page.get_by_role("button", name="Make five examples of it").click()
+    expect(page.locator("#examples li.filled")).to_have_count(5)
+    page.get_by_role("button", name="Synthesize").click()
+    expect(page.locator("#verdict")).to_contain_text("It reaches all five goals")
+    expect(page.locator("#found")).to_contain_text("def run():")
+    expect(page.locator("#examples .yes")).to_have_count(5)
+    assert page.locator("#log li").count() > 1
+    page.get_by_role("button", name="Put it into the editor").click()
+    expect(page.locator("#code")).to_have_value(page.locator("#found").inner_text())
+
+
+def test_a_task_is_loaded_and_saved(page: Page) -> None:
+    page.get_by_label("Load").select_option(TASKS[0].name)
+    expect(page.locator("#task-name")).to_have_value(TASKS[0].name)
+    expect(page.locator("#examples img[src]")).to_have_count(10)
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save the task").click()
+    assert download.value.suggested_filename == f"{TASKS[0].name}.zip"
+
+
+@pytest.mark.parametrize("width", [390, 768, 1280])
+def test_nothing_sticks_out_at_any_width(page: Page, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": 844})
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= width
