@@ -9,7 +9,7 @@ ARGS ?=
 SCALE ?= small
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test paper lint format clean
+.PHONY: help demo test paper site lint format clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -24,6 +24,9 @@ test: lint  ## style, types and the whole suite (ARGS="-k beam" for a part)
 
 paper: $(VENV)/.dev  ## the paper's evaluation: every table and figure (SCALE=smoke|small|paper)
 	$(BIN)/python -m recipes.paper --scale $(SCALE) $(ARGS)
+
+site: $(VENV)/.dev  ## the documentation as a site, in site/
+	$(BIN)/mkdocs build
 
 lint: $(VENV)/.dev  ## style and types
 	$(BIN)/ruff check .

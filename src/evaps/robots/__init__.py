@@ -1,0 +1,1 @@
+"""Where programs run: robots, their worlds, and worker processes that have them. No torch."""

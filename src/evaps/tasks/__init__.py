@@ -1,0 +1,1 @@
+"""Tasks: what a method is given, random ones, and data sets of them."""
