@@ -71,7 +71,7 @@ def answers(gold: GoldTask, gallery: Gallery, robots: Sequence[DoomRobot]) -> It
         }
         memo.leave()
         shown = replace(solution, candidates=solution.candidates[:1])
-        yield TaskReport(replace(gold.task, name=f"{gold.name}, {NAMES[method]}"), shown, notes)
+        yield TaskReport(replace(gold.task, name=f"{gold.name}, {NAMES.get(method, method)}"), shown, notes)
 
 
 def main(gallery: Gallery) -> None:

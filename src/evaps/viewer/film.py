@@ -20,7 +20,7 @@ from evaps.robots.base import Robot, Scene, WorldState
 from evaps.robots.frames import Observation
 from evaps.robots.wad import ARENA_X, ARENA_Y
 
-VIEW = (320, 240)  # pixels of the robot's view and of its depth
+VIEW = (320, 240)  # pixels of the robot's view
 MAP = (320, 224)  # a half of the arena's size in map units
 CODE = 320  # pixels of the column with the program
 MARGIN = 12
@@ -119,7 +119,7 @@ def _strip(pictures: Sequence[Picture.Image]) -> Picture.Image:
 
 
 def draw(program: Program, moments: Sequence[Moment], time: int) -> Picture.Image:
-    """The picture of one moment: map and program, view and depth."""
+    """The picture of one moment: view, map, program and perceptions."""
     moment = moments[time]
     left, right = MARGIN, 2 * MARGIN + VIEW[0]
     top, middle = MARGIN + LINE, 2 * MARGIN + LINE + VIEW[1]
