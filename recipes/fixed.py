@@ -42,11 +42,9 @@ def main() -> None:
     for _ in range(max(TOP)):
         gains = (right & ~solved[:, None]).sum(0)
         best = int(gains.argmax())
-        if not gains[best]:
-            shares.append(shares[-1])
-            continue
-        chosen.append(best)
-        solved |= right[:, best]
+        if gains[best]:
+            chosen.append(best)
+            solved |= right[:, best]
         shares.append(round(100 * float(solved.mean()), 2))
     found = {
         "programs": [str(programs[i]) for i in chosen],

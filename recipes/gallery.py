@@ -16,13 +16,11 @@ import numpy as np
 import torch
 import tyro
 
-from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import BUDGET, match
 from evaps.models import load_model
-from evaps.report.names import NAMES
+from evaps.report.names import name_of
 from evaps.robots.doom import DoomRobot
-from evaps.robots.memo import MemoRobot
-from evaps.synthesis import SPARES, solve
+from evaps.synthesis import doom_team, memo_of, solve
 from evaps.tasks.dataset import Dataset, gold_task
 from evaps.tasks.task import GoldTask
 from evaps.viewer import TaskReport, write_page
@@ -62,7 +60,7 @@ def drawn(dataset: Dataset, tasks: int, seed: int) -> Iterator[GoldTask]:
 def answers(gold: GoldTask, gallery: Gallery, robots: Sequence[DoomRobot]) -> Iterator[TaskReport]:
     """Each method's answer to a task, from a robot that remembers nothing."""
     for method in gallery.methods:
-        memo = MemoRobot(robots[0], PERCEPTION_KEYS, spares=robots[1:])
+        memo = memo_of(robots)
         solution = solve(load_model(gallery.model, method), gold.task, memo, budget=BUDGET)
         found = match(solution.program, gold, memo)
         notes = {
@@ -71,7 +69,7 @@ def answers(gold: GoldTask, gallery: Gallery, robots: Sequence[DoomRobot]) -> It
         }
         memo.leave()
         shown = replace(solution, candidates=solution.candidates[:1])
-        yield TaskReport(replace(gold.task, name=f"{gold.name}, {NAMES.get(method, method)}"), shown, notes)
+        yield TaskReport(replace(gold.task, name=f"{gold.name}, {name_of(method)}"), shown, notes)
 
 
 def main(gallery: Gallery) -> None:
@@ -79,7 +77,7 @@ def main(gallery: Gallery) -> None:
     torch.set_num_threads(1)
     plan = Plan()
     make_data(plan)
-    robots = [DoomRobot() for _ in range(1 + SPARES)]
+    robots = doom_team()
     reports = [
         report
         for gold in drawn(Dataset(plan.data), gallery.tasks, gallery.seed)

@@ -95,7 +95,7 @@ def make(plan: Plan) -> None:
     """All steps in order; each goes on where it was interrupted."""
     make_data(plan)
     for seed in plan.seeds:
-        for method in _with_what_is_needed(plan.methods):
+        for method in with_what_is_needed(plan.methods):
             make_checkpoint(plan, seed, method)
         for method in plan.methods:
             make_rows(plan, seed, method)
@@ -107,7 +107,7 @@ def make(plan: Plan) -> None:
     report("all", plan.results / "methods", plan.results / "report")
 
 
-def _with_what_is_needed(methods: tuple[str, ...]) -> list[str]:
+def with_what_is_needed(methods: tuple[str, ...]) -> list[str]:
     """All that has to be trained, in order."""
     needed = ["encoder", "inverse"]
     for method in methods:
@@ -145,13 +145,17 @@ def ship(plan: Plan, method: str) -> None:
 
 
 def make_rows(plan: Plan, seed: int, method: str, noise: float = 0.0) -> None:
-    """`evaps evaluate --methods METHOD [--noise SHARE]`, unless there are rows of these very weights."""
+    """The rows of a method and a seed."""
     rows = plan.results / "methods"
     path = rows / f"{method}-{seed}.parquet"
     if noise:
         path = rows / "noise" / f"{method}-{seed}-{100 * noise:.0f}.parquet"
+    judge(plan, plan.runs(seed), method, path, noise)
+
+
+def judge(plan: Plan, runs: Path, method: str, path: Path, noise: float = 0.0) -> None:
+    """`evaps evaluate --methods METHOD [--noise SHARE]`, unless there are rows of these very weights."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    runs = plan.runs(seed)
     weights = short_hash([hash_of(runs / name) for name in dict.fromkeys(needed_for(method))])
     if path.exists() and set(pq.read_table(path, columns=["weights"])["weights"].to_pylist()) == {weights}:
         return

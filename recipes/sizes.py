@@ -9,18 +9,17 @@ one. Encoder and inverse model are those of the whole: they learn from random wa
 from __future__ import annotations
 
 import shutil
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import tyro
 
-from evaps.evaluate import evaluate
-from evaps.models import PROPOSER, needed_for
+from evaps.models import PROPOSER
 from evaps.report import SIZES, report
 from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
 from evaps.train import train
-from recipes.paper import DATA_SEED, Plan, make_checkpoint, make_data
+from recipes.paper import DATA_SEED, Plan, judge, make_checkpoint, make_data, with_what_is_needed
 
 
 @dataclass(frozen=True)
@@ -35,33 +34,35 @@ class Sizes:
     """Scale, test tasks and folders."""
 
 
-def make_rows(sizes: Sizes, tasks: int | None, method: str) -> None:
-    """Rows of a method that was trained on the first ``tasks`` of the data set; None for all of them."""
-    plan = sizes.plan
-    runs = plan.runs(0)
-    if tasks is not None:
-        data, runs = plan.root / "data" / f"{plan.scale}-{tasks}", Path(f"{runs}-{tasks}")
-        generate(data, tasks, DATA_SEED, Workers(plan.workers))
-        for name in ("encoder", "inverse"):
+def make_rows(plan: Plan, tasks: int, method: str) -> None:
+    """Rows of a method that is trained on the first ``tasks`` of the data set."""
+    data, runs = plan.root / "data" / f"{plan.scale}-{tasks}", Path(f"{plan.runs(0)}-{tasks}")
+    generate(data, tasks, DATA_SEED, Workers(plan.workers))
+    for name in with_what_is_needed((method,)):
+        if name in ("encoder", "inverse"):
             shutil.copytree(plan.runs(0) / name, runs / name, dirs_exist_ok=True)
-        for name in dict.fromkeys((*needed_for(method), method)):
-            if not (runs / name / "config.json").exists():
-                train(name, data, runs, plan.scale, 0, Workers(plan.workers))
-    out = plan.results / "methods" / "sizes" / f"{method}-0-{tasks or 'all'}.parquet"
-    out.parent.mkdir(parents=True, exist_ok=True)
-    if not out.exists():
-        evaluate(plan.data, out, str(runs), (method,), tasks=plan.tasks, workers=Workers(plan.workers))
+        elif not (runs / name / "config.json").exists():
+            train(name, data, runs, plan.scale, 0, Workers(plan.workers))
+    judge(plan, runs, method, rows_of(plan, method, str(tasks)))
+
+
+def rows_of(plan: Plan, method: str, tasks: str) -> Path:
+    """The file of a method's rows."""
+    return plan.results / "methods" / "sizes" / f"{method}-0-{tasks}.parquet"
 
 
 def main(sizes: Sizes) -> None:
     """Everything, going on where it was interrupted, and the figure."""
-    plan = replace(sizes.plan, methods=sizes.methods)
+    plan = sizes.plan
     make_data(plan)
-    for name in dict.fromkeys(n for m in sizes.methods for n in ("encoder", "inverse", *needed_for(m))):
+    for name in with_what_is_needed(sizes.methods):
         make_checkpoint(plan, 0, name)
     for method in sizes.methods:
-        for tasks in (*sizes.sizes, None):
-            make_rows(sizes, tasks, method)
+        for tasks in sizes.sizes:
+            make_rows(plan, tasks, method)
+        whole = plan.results / "methods" / f"{method}-0.parquet"
+        judge(plan, plan.runs(0), method, whole)
+        shutil.copy(whole, rows_of(plan, method, "all"))
     report(SIZES, plan.results / "methods", plan.results / "report")
 
 

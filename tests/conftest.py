@@ -10,7 +10,8 @@ from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 
-sys.path.append(str(Path(__file__).parent))  # `rows`
+HERE = Path(__file__).parent
+sys.path += [str(HERE), str(HERE / "robots")]  # `rows`, `commands`; `robot_jobs`, `engine_processes`
 
 
 @pytest.fixture(scope="module")

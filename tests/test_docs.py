@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from commands import EVAPS, check_commands
 
 from evaps.dsl import Program
 from recipes.site import command_names, on_page_markdown
@@ -48,14 +49,7 @@ def test_links_to_files_outside_of_the_site_become_names() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_every_command_and_option_in_a_page_exists(page: Path) -> None:
-    names = command_names()
-    for command, rest in re.findall(r"^evaps ([a-z-]+)([^#\n]*)", page.read_text(), re.MULTILINE):
-        assert command in names
-        shown = subprocess.run(
-            [Path(sys.executable).with_name("evaps"), command, "--help"], capture_output=True, text=True
-        )
-        for option in re.findall(r"--[a-z-]+", rest):
-            assert option in shown.stdout, f"evaps {command} has no {option}"
+    check_commands(page.read_text())
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -76,7 +70,7 @@ def test_the_first_page_can_be_followed(tmp_path: Path) -> None:
     (tmp_path / "five.json").write_text(json.dumps(five))
     commands = [line for line in page.splitlines() if re.match(r"evaps (run|make-task|synthesize) ", line)]
     for command in commands:
-        words = [Path(sys.executable).with_name("evaps"), *command.split()[1:]]
+        words = [EVAPS, *command.split()[1:]]
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
     assert len(commands) == 3

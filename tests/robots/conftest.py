@@ -1,14 +1,11 @@
 """Engines that tests share, and the way to find the processes they run in."""
 
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from evaps.robots.doom import DoomRobot
-
-sys.path.append(str(Path(__file__).parent))  # `robot_jobs`, which workers import too
 
 Engines = Callable[[int], set[int]]
 

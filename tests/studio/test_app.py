@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import signal
 import time
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
 
 import httpx
-import psutil
 import pytest
+from engine_processes import find_engines
 from fastapi.testclient import TestClient
 
 from evaps.robots.doom import DoomRobot
@@ -25,11 +27,6 @@ pytestmark = pytest.mark.slow
 
 SCENE = {"robot": {"x": -300, "y": 288, "heading": 0}, "things": [{"kind": "Demon", "x": -100, "y": 300}]}
 PROGRAM = "def run():\n    if in_target(Demon):\n        attack()\n    turn_left()\n"
-
-
-def engines() -> list[psutil.Process]:
-    """All engines that this process has started."""
-    return [p for p in psutil.Process().children(recursive=True) if p.name() == "vizdoom"]
 
 
 def task(client: TestClient, index: int = 0) -> dict[str, Any]:
@@ -108,7 +105,7 @@ def test_strangers_are_refused(client: TestClient, headers: dict[str, str], stat
 
 def test_pictures_come_back_as_they_were(client: TestClient) -> None:
     loaded = load_task(TASKS[0])
-    form = TaskForm(name="same", examples=[example_json(e) for e in loaded.examples])  # type: ignore[list-item]
+    form = TaskForm.model_validate({"examples": [example_json(e) for e in loaded.examples]})
     for before, after in zip(loaded.examples, read_task(form, DoomRobot()).examples, strict=True):
         assert before.scene == after.scene
         assert (before.goal.rgb == after.goal.rgb).all()
@@ -170,7 +167,7 @@ def test_an_engine_that_dies_is_replaced_and_that_is_told(client: TestClient) ->
     form = {"scene": SCENE, "program": PROGRAM}
     before = [client.post("/api/run", json=form).json() for _ in range(2)]
     dead = client.get("/api/health").json()["engines_replaced"]
-    for engine in engines():
-        engine.kill()
+    for engine in find_engines(os.getpid()):
+        os.kill(engine, signal.SIGKILL)
     assert [client.post("/api/run", json=form).json() for _ in range(2)] == before
     assert client.get("/api/health").json()["engines_replaced"] > dead

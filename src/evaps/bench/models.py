@@ -13,14 +13,13 @@ from evaps.bench.tasks import specification
 from evaps.bench.timing import SEED, Figure, best_of, seconds_of
 from evaps.dsl import VOCAB, Program
 from evaps.dsl.mutation import mutate
-from evaps.dsl.sampler import PERCEPTION_KEYS, sample_program
+from evaps.dsl.sampler import sample_program
 from evaps.models import METHODS, Model, new_method
 from evaps.models.base import Execution, Repairer, Synthesizer
 from evaps.models.compute import autocast, device
 from evaps.models.inferred_trace import STOP
 from evaps.robots.doom import DoomRobot
-from evaps.robots.memo import MemoRobot
-from evaps.synthesis import SPARES, solve
+from evaps.synthesis import SPARES, memo_of, solve
 from evaps.synthesis.features import embed
 from evaps.synthesis.ways import Way, WayTable
 from evaps.tasks.generate import Draft
@@ -41,14 +40,14 @@ def synthesis_figures(robot: DoomRobot, model: Model, drafts: Sequence[Draft], n
     """How long a user waits for an answer, on one thread as in ``evaps synthesize``."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
-    spares = [DoomRobot() for _ in range(SPARES)]
+    team = [robot, *(DoomRobot() for _ in range(SPARES))]
     times = []
     for draft in drafts:
-        memo = MemoRobot(robot, PERCEPTION_KEYS, spares=spares)
+        memo = memo_of(team)
         task = specification(draft)
         times.append(seconds_of(lambda task=task, memo=memo: solve(model, task, memo)))  # type: ignore[misc]
         memo.leave()
-    for spare in spares:
+    for spare in team[1:]:
         spare.close()
     torch.set_num_threads(threads)
     yield Figure(f"{name}, median", float(np.median(times)), "s")

@@ -6,7 +6,7 @@ import socket
 from dataclasses import dataclass
 
 from evaps.cli.command import Command
-from evaps.cli.synthesize import SHIPPED_TASKS
+from evaps.cli.synthesize import shipped_tasks
 from evaps.dsl import UserError
 
 
@@ -35,10 +35,9 @@ class Studio(Command):
         except ImportError as error:
             raise UserError(f"the studio needs {error.name}; try: pip install 'evaps[viewer]'") from error
 
-        tasks = [path.parent for root in SHIPPED_TASKS for path in sorted(root.glob("*/task.json"))]
         listening = _listen(self.host, self.port)
         name, port = listening.getsockname()[:2]
-        app = create_app(tasks, self.model, {*LOOPBACK, self.host, name})
+        app = create_app(shipped_tasks(), self.model, {*LOOPBACK, self.host, name})
         shown = f"[{name}]" if ":" in name else name
         print(f"evaps studio: http://{shown}:{port}/ (Ctrl-C ends it)", flush=True)
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=2))

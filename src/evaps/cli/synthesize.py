@@ -97,7 +97,7 @@ class Demo(Command):
         from evaps.models import load_model
         from evaps.tasks.task import load_task
 
-        folders = sorted(path.parent for root in SHIPPED_TASKS for path in root.glob("*/task.json"))
+        folders = shipped_tasks()
         if not folders:
             raise UserError(f"there are no tasks in {SHIPPED_TASKS[0]}; install evaps again")
         check_writable(self.out)
@@ -108,6 +108,11 @@ class Demo(Command):
         solved = sum(report.solution.solved for report in reports)
         print(f"{solved} of {len(reports)} tasks solved: all five goals reached on the engine, byte for byte")
         save_page(self.out, reports, quiet=False)
+
+
+def shipped_tasks() -> list[Path]:
+    """The task folders that come with evaps."""
+    return sorted(path.parent for root in SHIPPED_TASKS for path in root.glob("*/task.json"))
 
 
 def solve_all(
@@ -126,22 +131,18 @@ def solve_all(
     import torch
 
     torch.set_num_threads(1)
-    from evaps.dsl.sampler import PERCEPTION_KEYS
-    from evaps.robots.doom import DoomRobot
-    from evaps.robots.memo import MemoRobot
-    from evaps.synthesis import SPARES, Budget, solve
+    from evaps.synthesis import Budget, doom_team, memo_of, solve
     from evaps.viewer import TaskReport
 
-    robot, *spares = (DoomRobot() for _ in range(1 + SPARES))
+    team = doom_team()
     try:
         for task in tasks:
-            # it lives as long as its views: the page shows them
-            memo = MemoRobot(robot, PERCEPTION_KEYS, spares=spares)
+            memo = memo_of(team)  # it lives as long as its views: the page shows them
             yield TaskReport(task, solve(model, task, memo, top_k, rounds, budget or Budget(), seed))
             memo.leave()
     finally:
-        for each in (robot, *spares):
-            each.close()
+        for robot in team:
+            robot.close()
 
 
 def show(report: TaskReport, as_json: bool) -> None:

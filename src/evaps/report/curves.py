@@ -10,7 +10,7 @@ import numpy as np
 
 from evaps.metrics import TOP, MethodResults, Results, bootstrap
 from evaps.report.figure import Figure, Line
-from evaps.report.names import NAMES
+from evaps.report.names import name_of
 from evaps.tasks.info import STEP_BUCKETS
 from evaps.tasks.task import EXAMPLES
 
@@ -30,7 +30,7 @@ def complexity(results: Results) -> Figure:
                     np.mean([100 * _right(run, k)[c].mean() for run, c in zip(runs, there, strict=True)])
                     for k in range(1, MOST + 1)
                 ]
-                lines[NAMES.get(method, method)] = Line(range(1, MOST + 1), shares)
+                lines[name_of(method)] = Line(range(1, MOST + 1), shares)
         panels[f"{name} steps"] = lines
     return Figure(panels, "candidates", "generalization (%)")
 
@@ -50,7 +50,7 @@ def _bands(results: Results, methods: Collection[str]) -> dict[str, Line]:
             for k in range(1, MOST + 1)
         ]
         means, lows, highs = zip(*found, strict=True)
-        lines[NAMES.get(method, method)] = Line(range(1, MOST + 1), means, lows, highs)
+        lines[name_of(method)] = Line(range(1, MOST + 1), means, lows, highs)
     return lines
 
 
@@ -83,7 +83,7 @@ def sizes(by_tasks: Mapping[float, Results]) -> Figure:
         there = {tasks: results for tasks, results in by_tasks.items() if method in results.methods}
         for k in TOP:
             means = [float(r.top(method, "generalization_state", k).mean()) for r in there.values()]
-            panels[f"top-{k}"][NAMES.get(method, method)] = Line(list(there), means)
+            panels[f"top-{k}"][name_of(method)] = Line(list(there), means)
     return Figure(panels, "tasks in the data set", "generalization (%)", log=True)
 
 
@@ -106,7 +106,7 @@ def _budget(
         right = np.array([r["pairs_passed"] == EXAMPLES and r["generalization_state"] for r in answers])
         cost = np.array([r[key] for r in answers])
         shares = [100 * float((right & (cost <= limit)).mean()) for limit in limits]
-        lines[NAMES.get(method, method)] = Line(limits.tolist(), shares)
+        lines[name_of(method)] = Line(limits.tolist(), shares)
     return Figure({"answers": lines}, name, "answers that generalize (%)", log=True)
 
 
@@ -122,7 +122,7 @@ def learning(folder: Path) -> Figure:
         name = path.stem.rpartition("-")[0]
         found = [row for row in rows if "validation_solved" in row]
         steps = [row["step"] for row in found]
-        label = NAMES.get(name, name)
+        label = name_of(name)
         panels["loss"][label] = Line(steps, [row["validation_loss"] for row in found])
         solved = [100 * row["validation_solved"] for row in found]
         panels["solved by the first four programs (%)"][label] = Line(steps, solved)

@@ -22,3 +22,8 @@ NAMES = {
     "blind": "blind: programs drawn from the prior until one passes",
     "prior": "as many programs as a beam has, drawn from the prior",
 }
+
+
+def name_of(method: str) -> str:
+    """What a method is called; one of somebody else's by its own name."""
+    return NAMES.get(method, method)

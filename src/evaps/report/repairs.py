@@ -11,7 +11,7 @@ from evaps.dsl import Program, token_type
 from evaps.dsl.alignment import align
 from evaps.metrics import TOP, MethodResults, Results, Row
 from evaps.report.figure import Figure, Line
-from evaps.report.names import NAMES
+from evaps.report.names import name_of
 from evaps.report.table import Table
 
 MOST_EDITS = 25
@@ -26,7 +26,7 @@ def rounds(results: Results) -> Figure:
             runs = results.by_method[method]
             most = max(row["rounds"] for run in runs for row in run.each())
             shares = [float(np.mean([_after(run, n, k) for run in runs])) for n in range(most + 1)]
-            lines[NAMES.get(method, method)] = Line(range(most + 1), shares)
+            lines[name_of(method)] = Line(range(most + 1), shares)
         panels[f"top-{k}"] = lines
     return Figure(panels, "rounds of repair", "generalization (%)")
 
@@ -61,7 +61,7 @@ def effects(results: Results) -> Table:
         untouched = sum(a["program"] == b["program"] for a, b in pairs)
         counts = [right[False, True], right[True, False], right[True, True], right[False, False], untouched]
         shares = [f"{100 * n / len(pairs):.2f} %" for n in counts]
-        rows.append([NAMES.get(method, method), f"{len(pairs):,}", *shares])
+        rows.append([name_of(method), f"{len(pairs):,}", *shares])
     notes = ["A candidate that passes all five examples is not repaired, and is among the untouched."]
     return Table("What repair fixes and what it breaks", head, rows, notes)
 
@@ -87,7 +87,7 @@ def _edits(results: Results, method: str) -> Iterator[Table]:
                 fixed[edit.old or "", edit.new or ""] += last["generalization_state"]
     names = list(dict.fromkeys(kind for pair in kinds for kind in pair))
     yield Table(
-        f"{NAMES.get(method, method)}: kinds of tokens before (rows) and after (columns) repair",
+        f"{name_of(method)}: kinds of tokens before (rows) and after (columns) repair",
         ["", *names],
         [[old, *(f"{kinds[old, new]:,}" if kinds[old, new] else "" for new in names)] for old in names],
         ["`nothing` before is an insertion, `nothing` after a deletion."],
@@ -98,7 +98,7 @@ def _edits(results: Results, method: str) -> Iterator[Table]:
         for o, n in most
     ]
     yield Table(
-        f"{NAMES.get(method, method)}: the most frequent edits",
+        f"{name_of(method)}: the most frequent edits",
         ["edit", "times", "in programs that generalize"],
         rows,
     )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from evaps.metrics import METRICS, TOP, Results
-from evaps.report.names import NAMES
+from evaps.report.names import name_of
 from evaps.tasks.info import STEP_BUCKETS
 from evaps.tasks.task import EXAMPLES
 
@@ -28,7 +28,7 @@ def summary_table(rows: Path) -> str:
         ]
         costs = [f"{100 * run.answered().mean():.1f}", f"{run.column('seconds').mean():.2f}"]
         costs.append(f"{run.column('simulated_actions').mean():.0f}")
-        lines.append(f"| {' | '.join([NAMES.get(run.method, run.method), *matches, *costs])} |")
+        lines.append(f"| {' | '.join([name_of(run.method), *matches, *costs])} |")
     return "\n".join(lines)
 
 
@@ -54,7 +54,7 @@ def answer_table(rows: Sequence[Path]) -> str:
             actions = np.percentile([row["simulated_actions"] for row in answers], [50, 95])
             cells = [f"{100 * np.mean(x):.1f} %" for x in (solved, right)]
             cells += [f"{x:.2f}" for x in seconds] + [f"{x:.0f}" for x in actions]
-            lines.append(f"| {' | '.join([NAMES.get(method, method), str(len(answers)), *cells])} |")
+            lines.append(f"| {' | '.join([name_of(method), str(len(answers)), *cells])} |")
     return "\n".join(lines)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from evaps.metrics import METRICS, TOP, Results
-from evaps.report.names import NAMES
+from evaps.report.names import NAMES, name_of
 from evaps.report.paper import GENERALIZATION, PAPER, PUBLISHED
 from evaps.report.table import Table
 
@@ -29,7 +29,7 @@ def table_1(results: Results) -> Table:
             for m in METRICS
             for i, k in enumerate(TOP)
         ]
-        rows.append([NAMES.get(method, method), *cells, str(len(results.by_method[method]))])
+        rows.append([name_of(method), *cells, str(len(results.by_method[method]))])
     others = [m for m in methods if m not in ("evaps", "lgrl-rl")]
     notes = [scale_note(results), *differences(results, "evaps", others)]
     return Table("Table 1. Methods, in % of the test tasks; the paper's in brackets", head, rows, notes)
@@ -47,11 +47,11 @@ def table_2(results: Results) -> Table:
             for i, k in enumerate(TOP)
         ]
         gains = [_gain(results, method, base, k) for k in TOP]
-        name = "candidates before repair (LGRL)" if method == "lgrl" else NAMES[method]
+        name = "candidates before repair (LGRL)" if method == "lgrl" else name_of(method)
         rows.append([name, *cells, *gains, str(len(results.by_method[method]))])
     notes = [
         scale_note(results),
-        f"Gains are over {NAMES[base]}, in points.",
+        f"Gains are over {name_of(base)}, in points.",
         *differences(results, "evaps", [m for m in methods if m != "evaps"]),
     ]
     return Table("Table 2. What the parts of EVAPS add; the paper's in brackets", head, rows, notes)
@@ -63,7 +63,7 @@ def frames(results: Results) -> Table:
     head = ["method", *(f"{m.replace('_', ' ')} @{k}" for pair in pairs for m in pair for k in TOP)]
     rows = [
         [
-            NAMES.get(method, method),
+            name_of(method),
             *(mean_and_deviation(results.top(method, m, k)) for pair in pairs for m in pair for k in TOP),
         ]
         for method in results.methods
@@ -100,7 +100,7 @@ def differences(results: Results, better: str, others: Sequence[str], k: int = 1
         verb = "is not certainly different from"
         if found.certain:
             verb = "is better than" if found.mean > 0 else "is worse than"
-        one, two = (NAMES.get(method, method) for method in (better, other))
+        one, two = (name_of(method) for method in (better, other))
         yield f"{one} {verb} {two} at generalization @{k}: {interval}."
 
 

@@ -13,10 +13,10 @@ from typing import Any
 from zipfile import ZipFile
 
 import numpy as np
-from fastapi import FastAPI, HTTPException, Request
+from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, Response, StreamingResponse
-from starlette.exceptions import HTTPException as StarletteHTTPException
+from starlette.exceptions import HTTPException
 
 from evaps.dsl import Program, UserError
 from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
@@ -31,8 +31,10 @@ from evaps.studio.search import Job, Searches, lines_of
 from evaps.synthesis import Budget
 from evaps.tasks.task import EXAMPLES, load_task, save_task
 from evaps.viewer.film import look, record
+from evaps.viewer.page import COLOURS
 
 PAGE = Path(__file__).parent / "page"
+PARTS = {path.name: path for path in (PAGE / "studio.js", PAGE / "studio.css", COLOURS)}
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 METHODS = ("verified", "evaps", "lgrl")
 FACTS = {
@@ -73,11 +75,11 @@ def create_app(
     def page() -> FileResponse:
         return FileResponse(PAGE / "studio.html")
 
-    @app.get("/{name}.{kind}")
-    def part(name: str, kind: str) -> FileResponse:
-        if (name, kind) not in {("studio", "js"), ("studio", "css")}:
+    @app.get("/{name}")
+    def part(name: str) -> FileResponse:
+        if name not in PARTS:
             raise HTTPException(404)
-        return FileResponse(PAGE / f"{name}.{kind}")
+        return FileResponse(PARTS[name])
 
     @app.get("/api/facts")
     def facts() -> dict[str, Any]:
@@ -187,6 +189,6 @@ def _tell_errors(app: FastAPI) -> None:
     def broken(_: Request, error: EngineError) -> JSONResponse:
         return JSONResponse({"error": str(error)}, 503)
 
-    @app.exception_handler(StarletteHTTPException)
-    def refused(_: Request, error: StarletteHTTPException) -> JSONResponse:
+    @app.exception_handler(HTTPException)
+    def refused(_: Request, error: HTTPException) -> JSONResponse:
         return JSONResponse({"error": error.detail}, error.status_code)

@@ -18,11 +18,10 @@ from evaps.robots.frames import Image, Observation, RgbFrame
 from evaps.robots.scenes import validate
 from evaps.tasks.task import EXAMPLES, Example, Task
 from evaps.viewer.film import Moment, record
-from evaps.viewer.pictures import depth_png, rgb_png
+from evaps.viewer.pictures import PNG_URI, data_uri, depth_png, rgb_png
 
 MOST_TEXT = 10_000  # characters of a program
 MOST_PICTURE = 200_000  # characters of a picture
-PNG = "data:image/png;base64,"
 
 
 class Form(BaseModel):
@@ -109,7 +108,7 @@ def _goal(form: ExampleForm, scene: Scene, robot: Robot) -> Observation:
 
 def _pixels(uri: str, mode: str, shape: tuple[int, ...]) -> Image:
     try:
-        file = BytesIO(base64.b64decode(uri.removeprefix(PNG), validate=True))
+        file = BytesIO(base64.b64decode(uri.removeprefix(PNG_URI), validate=True))
         with Picture.open(file, formats=("PNG",)) as picture:
             if picture.size != (WIDTH, HEIGHT):
                 raise ValueError(picture.size)
@@ -132,15 +131,12 @@ def program_json(text: str) -> dict[str, Any]:
 
 def run_json(program: Program, trace: Trace[Observation], moments: list[Moment]) -> dict[str, Any]:
     """A run, moment by moment, with the lines that were at work in each."""
-    lines = [segment for segment, _ in program.python_lines]
-    first = {segment: lines.index(segment) for segment in set(lines)}
+    first = {segment: line for line, (segment, _) in reversed([*enumerate(program.python_lines)])}
     return {
         "halted": trace.halted,
         "actions": list(trace.actions),
         "python": program.to_python(),
-        "moments": [
-            {**moment_json(m), "lines": sorted(first[s] for s in m.segments if s in first)} for m in moments
-        ],
+        "moments": [{**moment_json(m), "lines": sorted(first[s] for s in m.segments)} for m in moments],
     }
 
 
@@ -155,11 +151,7 @@ def moment_json(moment: Moment) -> dict[str, Any]:
 
 def view_json(view: Observation) -> dict[str, str]:
     """Colours and depth as PNGs in data URIs; depth is exact, and dark where it is near."""
-    return {"rgb": _uri(rgb_png(view.rgb)), "depth": _uri(depth_png(view.depth, 255))}
-
-
-def _uri(png: bytes) -> str:
-    return PNG + base64.b64encode(png).decode("ascii")
+    return {"rgb": data_uri(rgb_png(view.rgb)), "depth": data_uri(depth_png(view.depth, 255))}
 
 
 def example_json(example: Example) -> dict[str, Any]:

@@ -9,13 +9,13 @@ from threading import Event, Lock, Thread
 from typing import Any
 from uuid import uuid4
 
+import torch
+
 from evaps.dsl import UserError
-from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.models import Model
 from evaps.robots.base import EngineError
 from evaps.robots.doom import DoomRobot
-from evaps.robots.memo import MemoRobot
-from evaps.synthesis import SPARES, Budget, News, Solution, Watch, solve
+from evaps.synthesis import Budget, News, Solution, Watch, doom_team, memo_of, solve
 from evaps.tasks.task import Task
 from evaps.viewer import TaskReport
 from evaps.viewer.page import render_page
@@ -44,7 +44,7 @@ class Searches:
 
     def __init__(self) -> None:
         self.pages: dict[str, str] = {}
-        self._jobs: dict[str, Job] = {}
+        self._job: Job | None = None
         self._busy = Lock()
         self._robots: list[DoomRobot] = []
 
@@ -56,20 +56,20 @@ class Searches:
         """
         if not self._busy.acquire(blocking=False):
             raise EngineError("another search is under way; stop it first, or wait until it ends")
-        job = Job()
-        self._jobs[job.id] = job
+        self._job = job = Job()
         Thread(target=self._work, args=(job, model, task, budget), daemon=True).start()
         return job
 
     def stop(self, job: str) -> None:
         """Ask a search to end; one that has ended already is no error."""
-        if job in self._jobs:
-            self._jobs[job].stopped.set()
+        current = self._job
+        if current is not None and current.id == job:
+            current.stopped.set()
 
     def close(self) -> None:
         """Stop what is under way, and end the engines."""
-        for job in list(self._jobs.values()):
-            job.stopped.set()
+        if (current := self._job) is not None:
+            current.stopped.set()
         with self._busy:
             for robot in self._robots:
                 robot.close()
@@ -82,17 +82,15 @@ class Searches:
         except Exception as error:  # whatever it was, whoever waits has to know
             job.lines.put({"error": f"unexpected {type(error).__name__}: {error}"})
         finally:
-            del self._jobs[job.id]
+            self._job = None
             self._busy.release()
             job.lines.put(None)
 
     def _search(self, job: Job, model: Model, task: Task, budget: Budget) -> None:
-        import torch
-
         torch.set_num_threads(1)
         if not self._robots:
-            self._robots = [DoomRobot() for _ in range(1 + SPARES)]
-        memo = MemoRobot(self._robots[0], PERCEPTION_KEYS, spares=self._robots[1:])
+            self._robots = doom_team()
+        memo = memo_of(self._robots)
         watch = Watch(lambda news: job.lines.put(news_json(news)), job.stopped.is_set)
         solution = solve(model, task, memo, budget=budget, watch=watch)
         self.pages[job.id] = render_page([TaskReport(task, solution)])  # while the views are there

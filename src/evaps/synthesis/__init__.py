@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.models import Model
-from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.synthesis.best_first import synthesize_best_first
 from evaps.synthesis.blind import synthesize_blindly, synthesize_from_prior
@@ -14,17 +12,21 @@ from evaps.synthesis.budget import USUAL_BUDGET, Budget
 from evaps.synthesis.enumeration import synthesize_by_enumeration
 from evaps.synthesis.repair import ROUNDS, synthesize_with
 from evaps.synthesis.solution import Attempt, Candidate, Solution
+from evaps.synthesis.team import SPARES, doom_team, memo_of
 from evaps.synthesis.verified import ALL_PARTS, Parts, synthesize_verified
 from evaps.synthesis.watch import NOBODY, News, Watch
-from evaps.tasks.task import EXAMPLES, Task
+from evaps.tasks.task import Task
 
 __all__ = [
+    "SPARES",
     "Attempt",
     "Budget",
     "Candidate",
     "News",
     "Solution",
     "Watch",
+    "doom_team",
+    "memo_of",
     "solve",
     "synthesize",
     "synthesize_with",
@@ -65,8 +67,6 @@ SEARCHES: dict[str, Search] = {
     ),
 }
 """What each search does; `evaps.models.SEARCHES` says which checkpoints it needs."""
-SPARES = EXAMPLES - 1
-"""Engines beside the first one with which synthesis is quickest: one for each scene."""
 
 
 def synthesize(
@@ -88,7 +88,7 @@ def synthesize(
         budget: what a verified search may cost.
         seed: of what is random in a search.
     """
-    robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS, spares=[DoomRobot() for _ in range(SPARES)])
+    robot = memo_of(doom_team())
     try:
         return solve(model, task, robot, top_k, rounds, budget, seed)
     finally:

@@ -53,7 +53,7 @@ def repair_all(
     table: FeatureTable,
     robot: MemoRobot,
     rounds: int = ROUNDS,
-    watch: Callable[[int], bool] = lambda repaired: True,
+    go_on: Callable[[int], bool] = lambda done: True,
 ) -> None:
     """Repair each candidate on its own until it passes all pairs, nothing new comes, or the rounds are over.
 
@@ -64,11 +64,11 @@ def repair_all(
         table: embeddings of observations.
         robot: where repairs are run.
         rounds: how often a candidate is repaired at most.
-        watch: called after each round with its number; False ends it there.
+        go_on: asked before each round, with how many are done; False ends it there.
     """
     open_chains = [chain for chain in chains if not chain[-1].solved]
     for done in range(rounds):
-        if not open_chains or not watch(done):
+        if not open_chains or not go_on(done):
             return
         executions = table.executions([chain[-1] for chain in open_chains], task)
         tried: list[set[Program]] = [{a.program for a in chain} for chain in open_chains]
@@ -99,14 +99,14 @@ def synthesize_with(
     proposals = propose(model, table, task, robot, max(beam, top_k))[:top_k]
     chains = [[attempt] for attempt in attempt_all([p.program for p in proposals], task, robot)]
 
-    def follow_on(repaired: int) -> bool:
+    def go_on(done: int) -> bool:
         best = max((a for chain in chains for a in chain), key=lambda a: a.pairs_passed)
-        text = f"candidates repaired {repaired} times" if repaired else f"{len(chains)} candidates proposed"
+        text = f"candidates repaired {done} times" if done else f"{len(chains)} candidates proposed"
         watch.tell(News(text, best.passed, best.program, meter.actions, meter.seconds))
         return not watch.stopped()
 
     if model.repairer is not None and chains:
-        repair_all(model.repairer, chains, task, table, robot, rounds, follow_on)
+        repair_all(model.repairer, chains, task, table, robot, rounds, go_on)
     answers = best_first([_candidate(model, _until_best(chain), rank) for rank, chain in enumerate(chains)])
     last = tuple(_candidate(model, chain, rank) for rank, chain in enumerate(chains))
     return Solution(task.name, answers, meter.actions, meter.seconds, last)

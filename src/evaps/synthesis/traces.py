@@ -108,12 +108,12 @@ class TraceSearch:
     @property
     def complete(self) -> bool:
         """Whether the goal was reached in every scene."""
-        return self.reached == len(self.scenes)
+        return all(scene.goals for scene in self.scenes)
 
     @property
-    def reached(self) -> int:
-        """In how many scenes the goal was reached."""
-        return sum(bool(scene.goals) for scene in self.scenes)
+    def reached(self) -> tuple[bool, ...]:
+        """For each scene whether the goal was reached in it."""
+        return tuple(bool(scene.goals) for scene in self.scenes)
 
     def _begin(self, example: Example) -> SceneSearch:
         self.robot.reset(example.scene)

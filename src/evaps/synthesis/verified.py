@@ -95,7 +95,7 @@ def synthesize_verified(
 
 class _Search:
     def __init__(
-        self, model: Model, task: Task, robot: MemoRobot, budget: Budget, parts: Parts, watch: Watch = NOBODY
+        self, model: Model, task: Task, robot: MemoRobot, budget: Budget, parts: Parts, watch: Watch
     ) -> None:
         assert model.inverse is not None
         self.model, self.task, self.robot, self.budget, self.parts = model, task, robot, budget, parts
@@ -112,7 +112,7 @@ class _Search:
 
     def tell(self, text: str, best: Attempt | None = None) -> None:
         """Say what has happened, and which goals are reached."""
-        passed = best.passed if best else tuple(bool(scene.goals) for scene in self.traces.scenes)
+        passed = best.passed if best else self.traces.reached
         program = best.program if best else None
         self.watch.tell(News(text, passed, program, self.meter.actions, self.meter.seconds))
 
@@ -133,11 +133,11 @@ class _Search:
         """Find a way to the goal in every scene."""
         plans = self._plans()
         plan = next(plans)
-        reached = -1
+        told: tuple[bool, ...] = ()
         while not self.traces.complete and not self.over:
-            if (now := self.traces.reached) != reached:
-                reached = now
-                self.tell(f"ways to {now} of {len(self.traces.scenes)} goals")
+            if (reached := self.traces.reached) != told:
+                told = reached
+                self.tell(f"ways to {sum(reached)} of {len(reached)} goals")
             if self.meter.actions >= plan[0]:
                 plan[1]()
                 plan = next(plans)

@@ -16,6 +16,8 @@ from evaps.viewer.story import TaskReport, line_views, rounds, steps, telling_ex
 __all__ = ["TaskReport", "render_page", "write_page"]
 
 TITLE = "Programs from examples"
+COLOURS = Path(__file__).parent / "colours.css"
+"""The style sheet with the colours of all pages."""
 CHECKS_SHOWN = 5  # of the conditions evaluated at one view; a loop without an action can have dozens
 
 

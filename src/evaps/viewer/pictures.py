@@ -12,6 +12,9 @@ from PIL import Image as Picture
 
 from evaps.robots.frames import Image
 
+PNG_URI = "data:image/png;base64,"
+"""What an address begins with that is a PNG."""
+
 
 @dataclass(frozen=True)
 class PictureRef:
@@ -48,10 +51,14 @@ class Pictures:
         key = sha256(pixels.tobytes() + repr((pixels.shape, furthest)).encode()).digest()
         if key not in self.by_content:
             png = rgb_png(pixels) if pixels.ndim == 3 else depth_png(pixels, furthest)
-            uri = "data:image/png;base64," + base64.b64encode(png).decode("ascii")
             height, width = pixels.shape[:2]
-            self.by_content[key] = PictureRef(f"p{len(self.by_content)}", width, height, uri)
+            self.by_content[key] = PictureRef(f"p{len(self.by_content)}", width, height, data_uri(png))
         return self.by_content[key]
+
+
+def data_uri(png: bytes) -> str:
+    """A PNG as an address that holds the picture itself."""
+    return PNG_URI + base64.b64encode(png).decode("ascii")
 
 
 def rgb_png(pixels: Image) -> bytes:

@@ -221,7 +221,7 @@ function drawMoment() {
   const ending = state.run.halted === false ? "stopped: too many steps" : "the end";
   $("now").textContent = action ? `next: ${WORDS[action]}` : moments.length > 1 ? ending : "";
   $("driven").textContent = state.driven.map((a) => WORDS[a]).join(", ") || "nothing yet";
-  $("keep").disabled = state.examples.length >= facts.examples || state.run.halted === false;
+  enable();
   drawLines(moment.lines);
   drawMap();
 }
@@ -321,9 +321,15 @@ function drawExamples(passed = []) {
     return slot;
   });
   $("examples").replaceChildren(...slots);
-  $("synthesize").disabled = state.examples.length < facts.examples || state.job !== null;
-  $("save").disabled = state.examples.length < facts.examples;
-  if (state.run) $("keep").disabled = state.examples.length >= facts.examples || state.run.halted === false;
+  enable();
+}
+
+/** Which buttons can be pressed now. */
+function enable() {
+  const full = state.examples.length >= facts.examples;
+  $("keep").disabled = full || state.run?.halted === false;
+  $("save").disabled = !full;
+  $("synthesize").disabled = !full || state.job !== null;
 }
 
 function picture(source, caption, index) {
@@ -394,7 +400,7 @@ async function synthesize() {
   } finally {
     state.job = null;
     $("stop").hidden = true;
-    $("synthesize").disabled = state.examples.length < facts.examples;
+    enable();
   }
 }
 
