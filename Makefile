@@ -56,21 +56,9 @@ $(VENV)/.core: $(VENV)/.made pyproject.toml constraints.txt
 	@echo "Installing evaps and what it needs into $(VENV) (a few minutes the first time)"
 	@$(PIP) install -c constraints.txt '$(TORCH)'
 	@$(PIP) install -c constraints.txt -e .
-	@$(check-libraries)
+	@$(BIN)/python -m evaps.libraries
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.core
 	@$(PIP) install -c constraints.txt -e '.[dev]'
 	@touch $@
-
-# The engine and torch bring their own libraries except these; Debian's python3 does not depend on all of them.
-define check-libraries
-command -v ldd >/dev/null || exit 0; \
-missing=$$(ldd $(VENV)/lib/python3*/site-packages/vizdoom/vizdoom \
-  $(VENV)/lib/python3*/site-packages/vizdoom/vizdoom*.so \
-  $(VENV)/lib/python3*/site-packages/torch/lib/libtorch_cpu.so 2>/dev/null | \
-  awk '/not found/ {print $$1}' | sort -u | \
-  sed -e 's/^libstdc++\.so\.6$$/libstdc++6/' -e 's/^libgcc_s\.so\.1$$/libgcc-s1/' \
-      -e 's/^libz\.so\.1$$/zlib1g/' -e 's/^libgomp\.so\.1$$/libgomp1/' | tr '\n' ' '); \
-test -z "$$missing" || { echo "Missing system libraries: apt-get install $$missing" >&2; exit 1; }
-endef

@@ -19,15 +19,17 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import tyro
 
+from evaps.dsl import UserError
 from evaps.evaluate import evaluate
 from evaps.metrics import Results
 from evaps.models import METHODS, PROPOSER, SHIPPED, needed_for
 from evaps.models.checkpoint import hash_of
 from evaps.report import report
 from evaps.report.summary import summary_table
-from evaps.report.tables import differences
+from evaps.report.tables import differences, scale_note
 from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
+from evaps.tasks.dataset import Dataset
 from evaps.tasks.identity import short_hash
 from evaps.train import train
 from evaps.train.scale import SCALES
@@ -68,7 +70,7 @@ class Plan:
     noise: bool = False
     """Judge LGRL and EVAPS with noise, too: four times more."""
     retrain: bool = False
-    """Train what is shipped, too."""
+    """Train what is shipped, too, in a folder of its own, since all others depend on it."""
     ship: bool = False
     """Put the checkpoints of SHIP into the package."""
     workers: int = 2
@@ -88,11 +90,18 @@ class Plan:
 
     def runs(self, seed: int) -> Path:
         """Folder of a seed's checkpoints."""
-        return self.root / "runs" / f"{self.scale}-{seed}"
+        again = "-retrained" if self.retrain and seed == 0 else ""
+        return self.root / "runs" / f"{self.scale}-{seed}{again}"
 
 
 def make(plan: Plan) -> None:
-    """All steps in order; each goes on where it was interrupted."""
+    """All steps in order; each goes on where it was interrupted.
+
+    Raises:
+        UserError: what would be shipped is not made.
+    """
+    if plan.ship and not (0 in plan.seeds and set(SHIP) <= set(with_what_is_needed(plan.methods))):
+        raise UserError(f"--ship is for {', '.join(SHIP)} of seed 0; name lgrl and evaps, and seed 0")
     make_data(plan)
     for seed in plan.seeds:
         for method in with_what_is_needed(plan.methods):
@@ -127,7 +136,9 @@ def make_checkpoint(plan: Plan, seed: int, method: str) -> None:
     folder = plan.runs(seed) / method
     shipped = SHIPPED / plan.scale / method
     if not folder.exists() and seed == 0 and shipped.is_dir() and not plan.retrain:
-        shutil.copytree(shipped, folder)
+        part = folder.with_name(f".{method}.part")
+        shutil.copytree(shipped, part, dirs_exist_ok=True)
+        part.rename(folder)  # whole, or not there
     if not (folder / "config.json").exists():
         train(method, plan.data, plan.runs(seed), plan.scale, seed, Workers(plan.workers))
     if (metrics := folder / "metrics.jsonl").exists() and method in METHODS:
@@ -154,21 +165,25 @@ def make_rows(plan: Plan, seed: int, method: str, noise: float = 0.0) -> None:
 
 
 def judge(plan: Plan, runs: Path, method: str, path: Path, noise: float = 0.0) -> None:
-    """`evaps evaluate --methods METHOD [--noise SHARE]`, unless there are rows of these very weights."""
+    """`evaps evaluate --methods METHOD [--noise SHARE]`, unless it was done with these weights and tasks."""
     path.parent.mkdir(parents=True, exist_ok=True)
     weights = short_hash([hash_of(runs / name) for name in dict.fromkeys(needed_for(method))])
-    if path.exists() and set(pq.read_table(path, columns=["weights"])["weights"].to_pylist()) == {weights}:
-        return
+    tasks = len(Dataset(plan.data).split("test")[: plan.tasks])
+    if path.exists():
+        made = pq.read_table(path, columns=["weights", "task"])
+        if made["weights"].unique().to_pylist() == [weights] and len(made["task"].unique()) == tasks:
+            return
     workers = Workers(plan.workers)
     evaluate(plan.data, path, str(runs), (method,), tasks=plan.tasks, workers=workers, noise=noise)
 
 
 def readme_table(results: Path) -> str:
-    """The README's table, and what may be said of its differences."""
+    """The README's table beside the paper's figures, its scale, and what may be said of its differences."""
     rows = results / "methods"
     found = Results.read(rows)
     others = [m for m in found.methods if m != "evaps"]
-    return "\n\n".join([summary_table(rows), *differences(found, "evaps", others)])
+    table = summary_table(rows, beside_paper=True)
+    return "\n\n".join([table, scale_note(found), *differences(found, "evaps", others)])
 
 
 def main(plan: Plan) -> None:

@@ -1,10 +1,12 @@
 """Evaluation: what a match is, and that statistics do what they say."""
 
+from typing import Any
+
 import numpy as np
 import pytest
-from rows import results_of, rows
+from rows import RIGHT, WRONG, repaired, results_of, rows
 
-from evaps.dsl import Program, run
+from evaps.dsl import Program, UserError, run
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import match
 from evaps.metrics import bootstrap
@@ -71,6 +73,37 @@ def test_the_answer_is_the_first_of_those_that_pass_most_pairs() -> None:
     for row in made:
         row["pairs_passed"] = passed.get((row["task"], row["rank"]), 1)
     assert results_of(made).first("lgrl").answered().tolist() == [True, False, True]
+
+
+def test_an_answer_is_the_best_attempt_and_not_the_last() -> None:
+    made = repaired("evaps", [[False, True, False], [False, False]])
+    for row in made:
+        row["pairs_passed"] = row["attempts"][-1]["pairs_passed"]
+        row["generalization_state"] = row["attempts"][-1]["generalization_state"]
+    run = results_of(made).first("evaps")
+    assert run.answered().tolist() == [True, False]
+    assert [row["program"] for row in run.answers()] == [RIGHT, WRONG]
+    assert run.matches("generalization_state", 1).tolist() == [False, False]
+
+
+@pytest.mark.parametrize(
+    ("groups", "what"),
+    [
+        ([rows("lgrl", [0]), rows("lgrl", [None])], "task 0 has two rows of lgrl, seed 0, rank 0"),
+        ([rows("lgrl", [0]), rows("lgrl", [0, 0], seed=1)], "lgrl was judged on other tasks with seed 1"),
+        (
+            [rows("lgrl", [0]), [row | {"noise": 0.25} for row in rows("evaps", [0])]],
+            "more than one noise: 0.0, 0.25",
+        ),
+        (
+            [[row | {"split": split} for row in rows(split, [0])] for split in ("test", "train")],
+            "more than one split: test, train",
+        ),
+    ],
+)
+def test_rows_that_do_not_belong_together_are_refused(groups: list[list[dict[str, Any]]], what: str) -> None:
+    with pytest.raises(UserError, match=what):
+        results_of(*groups)
 
 
 def test_the_bootstrap_interval_covers_zero_exactly_when_it_should() -> None:

@@ -141,14 +141,15 @@ def test_an_evaluation_is_the_same_again(data: Path, model: Path, tmp_path: Path
         assert row["attempts"][-1]["program"] == row["program"]
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_no_candidate_depends_on_what_methods_must_not_know(
-    data: Path, model: Path, monkeypatch: pytest.MonkeyPatch
+    data: Path, model: Path, monkeypatch: pytest.MonkeyPatch, noise: float
 ) -> None:
     """Another hidden program, test scene, test goal, and other hidden states: byte for byte the same."""
     monkeypatch.setattr("evaps.evaluate.BUDGET", Budget(actions=150, seconds=math.inf))
     dataset = Dataset(data)
     methods = (*METHODS, "lgrl-rl", "latent-execution", "enumeration", "blind")
-    facts = {method: _facts(str(model), method, dataset) | {"noise": 0.0} for method in methods}
+    facts = {method: _facts(str(model), method, dataset, "test", noise) for method in methods}
     (part,) = task_parts(Path("none"), dataset, dataset.split("test")[:1], 1)
     part = part.loaded(dataset)
     row, frames = part.rows[0], list(unpack_frames(part.frames[0]))
@@ -159,7 +160,7 @@ def test_no_candidate_depends_on_what_methods_must_not_know(
     found = []
     for tasks in (part, other):
         robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS)
-        files = evaluate_part(robot, EvaluationPart(tasks, str(model), facts, 4, 2, 0.0))
+        files = evaluate_part(robot, EvaluationPart(tasks, str(model), facts, 4, 2, noise))
         robot.close()
         table = pq.read_table(pa.BufferReader(files[tasks.path]))
         kept = ["method", "rank", "program", "pairs_passed", "rounds", "simulated_actions", "semantic_state"]

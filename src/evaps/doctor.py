@@ -15,6 +15,7 @@ EXTRAS = {
     "report": ("matplotlib", "figures of `evaps report`"),
     "cluster": ("ray", "--engine ray"),
     "track": ("tensorboard", "--tensorboard"),
+    "viewer": ("fastapi", "`evaps studio`"),
 }
 LEAST_MEMORY = 4 << 30  # bytes for a synthesis with its five engines
 LEAST_DISK = 5 << 30  # bytes; a data set of 20,000 tasks has 2 GB
@@ -41,7 +42,7 @@ def examine() -> Iterator[Finding]:
     """Look at everything, the most basic things first."""
     yield Finding("evaps", f"{version('evaps')} in {Path(__file__).parent}")
     yield Finding("Python", sys.version.split()[0])
-    for look in (_torch, _engine, _checkpoints, _cores, _memory, _disk):
+    for look in (_libraries, _torch, _engine, _checkpoints, _cores, _memory, _disk):
         yield _guarded(look)
     for extra, (module, what) in EXTRAS.items():
         if find_spec(module) is None:
@@ -64,6 +65,13 @@ def _version(name: str) -> str:
         return version(name)
     except PackageNotFoundError:
         return "unknown version"
+
+
+def _libraries() -> Finding:
+    from evaps.libraries import how_to_mend, missing
+
+    packages = missing()
+    return Finding("libraries", how_to_mend(packages) if packages else "all there", not packages)
 
 
 def _torch() -> Finding:

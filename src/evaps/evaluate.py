@@ -56,6 +56,7 @@ SCHEMA = pa.schema(
         "evaluated_by": pa.string(),  # commit of the evaluating code
         "machine": pa.string(),
         "dataset_seed": pa.int64(),
+        "split": pa.string(),
         "noise": pa.float32(),  # share of the pixels that were invalid
         "task": pa.int64(),
         "steps": pa.int32(),
@@ -141,7 +142,7 @@ def _model(folder: str, method: str) -> Model:
     return load_model(folder, method)
 
 
-def _facts(model: str, method: str, dataset: Dataset) -> dict[str, Any]:
+def _facts(model: str, method: str, dataset: Dataset, split: str, noise: float) -> dict[str, Any]:
     """What a row says of its making.
 
     Raises:
@@ -159,6 +160,8 @@ def _facts(model: str, method: str, dataset: Dataset) -> dict[str, Any]:
         "evaluated_by": code_version(),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, {precision()}",
         "dataset_seed": dataset.identity["seed"],
+        "split": split,
+        "noise": noise,
     }
 
 
@@ -232,7 +235,7 @@ def evaluate(
     positions = dataset.split(split)[:tasks]
     if not positions:
         raise UserError(f"the data set has no task in the split {split!r}; generate a larger one")
-    facts = {method: {**_facts(model, method, dataset), "noise": noise} for method in methods}
+    facts = {method: _facts(model, method, dataset, split, noise) for method in methods}
     folder = out.with_suffix(f".parts-{short_hash([dataset.identity, facts, positions, top_k, rounds])}")
     parts = [
         EvaluationPart(part, model, facts, top_k, rounds, noise)

@@ -13,12 +13,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from jaxtyping import Bool, Float
 
 from evaps.dsl import UserError
+from evaps.tasks.files import read_table
 
-METRICS = ("exact", "semantic_state", "generalization_state")
+TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state": "generalization"}
+"""What the paper calls its metrics, by our columns; the tables show the match of states."""
+METRICS = tuple(TITLES)
 TOP = (1, 5, 20)
 DRAWS = 10_000
 Row = Mapping[str, Any]
@@ -70,15 +72,25 @@ class MethodResults:
         return np.array([self.rows[t][0][key] for t in self.tasks])
 
     def answers(self) -> list[Row]:
-        """For each task the row of the candidate that passes most pairs, of these the first.
+        """For each task the attempt that passes most pairs, of these the first; with the facts of its row.
 
-        This is what a user gets: a method may compare what it ran with the goals, byte for byte.
+        This is what a user gets: a method may compare what it ran with the goals, byte for byte, and what a
+        repair made worse is not lost.
         """
-        return [max(self.rows[t], key=lambda r: (r["pairs_passed"], -r["rank"])) for t in self.tasks]
+        return [
+            max(map(_best_attempt, self.rows[t]), key=lambda r: (r["pairs_passed"], -r["rank"]))
+            for t in self.tasks
+        ]
 
     def answered(self) -> Bool[np.ndarray, " task"]:
         """For each task whether the answer generalizes."""
         return np.array([row["generalization_state"] for row in self.answers()])
+
+
+def _best_attempt(row: Row) -> Row:
+    """The row as if its candidate had ended with the first attempt that passes most pairs."""
+    attempts = row.get("attempts") or [row]
+    return {**row, **max(attempts, key=lambda attempt: attempt["pairs_passed"])}
 
 
 class Results:
@@ -86,29 +98,44 @@ class Results:
 
     Args:
         tables: of rows.
+
+    Raises:
+        UserError: they are not of one split of one data set with one noise, a candidate has two rows, or a
+            method was judged on other tasks with one seed than with another.
     """
 
     def __init__(self, tables: Sequence[pa.Table]) -> None:
-        found: dict[tuple[str, int], dict[int, list[Row]]] = {}
+        _check_one_setting(tables)
+        found: dict[tuple[str, int], dict[int, dict[int, Row]]] = {}
         for table in tables:
             for row in table.to_pylist():
                 tasks = found.setdefault((row["method"], row["seed"]), {})
-                tasks.setdefault(row["task"], []).append(row)
-        for tasks in found.values():
-            for rows in tasks.values():
-                rows.sort(key=lambda r: r["rank"])
+                ranks = tasks.setdefault(row["task"], {})
+                if row["rank"] in ranks:
+                    raise UserError(
+                        f"task {row['task']} has two rows of {row['method']}, seed {row['seed']}, "
+                        f"rank {row['rank']}; keep one evaluation of it"
+                    )
+                ranks[row["rank"]] = row
         self.by_method: dict[str, list[MethodResults]] = {}
         for (method, seed), tasks in sorted(found.items(), key=lambda item: item[0][1]):
-            self.by_method.setdefault(method, []).append(MethodResults(method, seed, tasks))
+            by_rank = {task: [ranks[rank] for rank in sorted(ranks)] for task, ranks in tasks.items()}
+            seeds = self.by_method.setdefault(method, [])
+            seeds.append(MethodResults(method, seed, by_rank))
+            if seeds[0].tasks != seeds[-1].tasks:
+                raise UserError(
+                    f"{method} was judged on other tasks with seed {seed} than with seed {seeds[0].seed}; "
+                    "evaluate both with the same --tasks"
+                )
 
     @classmethod
     def read(cls, path: Path) -> Results:
         """Read a file of rows, or all files in a folder.
 
         Raises:
-            UserError: there are none.
+            UserError: there are none, or they do not belong together.
         """
-        return cls([pq.read_table(file) for file in _files(path)])
+        return cls([_read(file) for file in _files(path)])
 
     @classmethod
     def by_column(cls, path: Path, column: str) -> dict[float, Results]:
@@ -119,11 +146,12 @@ class Results:
             column: such as ``"noise"``.
 
         Raises:
-            UserError: there are none, or they were made before there was such a column.
+            UserError: there are none, they were made before there was such a column, or they do not belong
+                together.
         """
         tables: dict[float, list[pa.Table]] = {}
         for file in _files(path):
-            table = pq.read_table(file)
+            table = _read(file)
             if column not in table.column_names:
                 raise UserError(
                     f"{file} has no column {column!r}: it was made by an earlier evaps; evaluate again"
@@ -168,6 +196,35 @@ class Results:
             [100.0 * runs[0][s].matches(metric, k) - 100.0 * runs[1][s].matches(metric, k) for s in seeds]
         )
         return bootstrap(gains, seed, draws)
+
+
+ONE_SETTING = ("dataset_seed", "split", "noise")
+"""Columns that have to be the same in rows that are compared."""
+
+
+def _check_one_setting(tables: Sequence[pa.Table]) -> None:
+    for column in ONE_SETTING:
+        there = [table[column].unique().to_pylist() for table in tables if column in table.column_names]
+        values = sorted({value for found in there for value in found if value is not None})
+        if len(values) > 1:
+            raise UserError(
+                f"these rows are of more than one {column}: {', '.join(f'{value}' for value in values)}; "
+                "put each kind into a folder of its own"
+            )
+
+
+def _read(file: Path) -> pa.Table:
+    """The rows in a file.
+
+    Raises:
+        UserError: it cannot be read, or holds something else.
+    """
+    table = read_table(file)
+    if missing := sorted({"method", "seed", "task", "rank", *METRICS} - set(table.column_names)):
+        raise UserError(f"{file} holds no rows of evaps evaluate: it has no column {missing[0]!r}")
+    if not len(table):
+        raise UserError(f"{file} holds no rows; evaluate again")
+    return table
 
 
 def _files(path: Path) -> list[Path]:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from rows import repaired, results_of, rows, table_of
@@ -19,13 +20,16 @@ def test_table_1_has_means_deviations_and_the_papers_figures() -> None:
     results = results_of(
         rows("lgrl", [0, None], 0),
         rows("lgrl", [0, 0], 1),
+        rows("lgrl-rl", [0, None], 0),
+        rows("lgrl-rl", [0, None], 1),
         rows("evaps", [0, 0], 0),
         rows("evaps", [0, 0], 1),
     )
     table = table_1(results)
-    lgrl, evaps = table.rows
+    lgrl, rewarded, evaps = table.rows
     assert lgrl[0] == "LGRL"
-    assert lgrl[1] == "75.0 ± 35.4 (2.2)"
+    assert lgrl[1] == "75.0 ± 35.4"
+    assert rewarded[1] == "50.0 ± 0.0 (2.2)"
     assert evaps[table.head.index("generalization @20")] == "100.0 ± 0.0 (76.8)"
     assert lgrl[-1] == "2"
 
@@ -153,6 +157,38 @@ def test_rows_are_told_apart_by_a_column(tmp_path: Path) -> None:
 def test_what_cannot_be_made_is_one_line(tmp_path: Path, name: str, what: str) -> None:
     with pytest.raises(UserError, match=what):
         report(name, tmp_path, tmp_path / "out")
+
+
+def test_what_is_no_file_of_rows_is_one_line(tmp_path: Path) -> None:
+    (file := tmp_path / "rows.parquet").write_bytes(b"no parquet")
+    with pytest.raises(UserError, match=r"rows.parquet is damaged"):
+        report("table-1", file, tmp_path / "out")
+    pq.write_table(pa.table({"x": [1]}), file)
+    with pytest.raises(UserError, match=r"holds no rows of evaps evaluate: it has no column 'exact'"):
+        report("table-1", file, tmp_path / "out")
+
+
+def test_what_shows_nothing_is_not_written(tmp_path: Path) -> None:
+    pq.write_table(table_of(rows("lgrl", [0])), tmp_path / "lgrl-0.parquet")
+    with pytest.raises(UserError, match="holds nothing that rounds could show"):
+        report("rounds", tmp_path, tmp_path / "out")
+    names = {path.stem for path in report("all", tmp_path, tmp_path / "out")}
+    assert names == {*REPORTS} - {"rounds", "effects", "edits"}
+
+
+def test_an_ablation_without_its_base_has_no_gains() -> None:
+    table = table_2(results_of(rows("evaps", [0])))
+    assert table.rows[0][table.head.index("gain @1")] == ""
+
+
+def test_learning_tells_seeds_apart_and_leaves_out_who_was_not_validated(tmp_path: Path) -> None:
+    row = '{"step": 1, "validation_loss": 2, "validation_solved": 0.5}\n'
+    for name in ("lgrl-0", "lgrl-1", "evaps-s-0"):
+        (tmp_path / f"{name}.jsonl").write_text(row)
+    (tmp_path / "sed-0.jsonl").write_text('{"step": 1, "loss": 2}\n')
+    made = learning(tmp_path)
+    assert list(made.panels["loss"]) == ["EVAPS+S", "LGRL, seed 0", "LGRL, seed 1"]
+    assert not made.share_y, "a loss and a share have nothing in common"
 
 
 def test_signs_that_latex_knows_otherwise_are_escaped() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from evaps.robots.base import Pose, Scene
 from evaps.robots.frames import RgbFrame, digest
-from evaps.robots.noise import NoisyFrame, goal_match, noisy
+from evaps.robots.noise import NoisyFrame, goal_match, noisy, noisy_view
 from evaps.tasks.task import Example, Task
 
 
@@ -41,6 +41,12 @@ def test_a_noisy_goal_is_matched_by_what_it_was_made_of_alone() -> None:
     almost.rgb[60, 80:90, 0] ^= 1  # ten pixels: all of them are invalid once in 100,000 times
     assert not goal_match(RgbFrame(almost.rgb, almost.depth), goal)
     assert not goal_match(RgbFrame(almost.rgb, almost.depth), frame(0))
+
+
+def test_a_view_has_lost_other_pixels_than_a_goal_that_is_equal() -> None:
+    goal, view = noisy(frame(0), 0.2), noisy_view(frame(0), 0.2)
+    assert ((goal.depth == 0) != (view.depth == 0)).any()
+    assert digest(noisy_view(frame(0), 0.2)) == digest(view)
 
 
 def test_a_task_seen_through_noise_keeps_its_scenes() -> None:

@@ -9,6 +9,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from evaps.cli.command import Command
+from evaps.cli.inputs import writing
 
 
 @dataclass(frozen=True)
@@ -30,5 +31,6 @@ class Report(Command):
         """Make it, and print the names of the files."""
         from evaps.report import report
 
-        for path in report(self.name, self.rows, self.out):
-            print(path)
+        with writing(self.out):
+            for path in report(self.name, self.rows, self.out):
+                print(path)

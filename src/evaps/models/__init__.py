@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -53,13 +54,6 @@ METHODS = {
 
 ``evaps-parallel`` and ``evaps-substitution`` are the other readings of how EVAPS edits."""
 
-METHODS |= {
-    entry.name: Method(entry.value)
-    for entry in entry_points(group="evaps.methods")
-    if entry.name not in METHODS
-}
-"""Methods of other packages, which name them as entry points: ``name = "module:Class"``."""
-
 PROPOSER = "lgrl"
 """The synthesizer whose candidates repairers learn from and mend."""
 
@@ -80,6 +74,13 @@ SEARCHES: dict[str, tuple[str, ...]] = {
 ``enumeration`` by cost, ``blind``, which draws programs until one passes, and ``prior``, which draws as many
 as are wanted.
 """
+
+for _entry in entry_points(group="evaps.methods"):
+    # methods of other packages, which name them as entry points: name = "module:Class"
+    if _entry.name in METHODS or _entry.name in SEARCHES:
+        warnings.warn(f"{_entry.value} is not used: there is a method {_entry.name!r} already", stacklevel=1)
+    else:
+        METHODS[_entry.name] = Method(_entry.value)
 
 SHIPPED = Path(__file__).parents[1] / "checkpoints"
 
@@ -107,12 +108,18 @@ def method_class(name: str) -> type[Synthesizer] | type[Repairer]:
     """The class of a method; its base says which of the two roles it has.
 
     Raises:
-        UserError: there is no such method.
+        UserError: there is no such method, or it cannot be loaded.
     """
     if name not in METHODS:
         raise UserError(f"there is no method {name!r}; known are {', '.join((*METHODS, *SEARCHES))}")
-    module, _, attribute = METHODS[name].where.partition(":")
-    found: type[Synthesizer] | type[Repairer] = getattr(import_module(module), attribute)
+    where = METHODS[name].where
+    module, _, attribute = where.partition(":")
+    try:
+        found = getattr(import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise UserError(f"the method {name!r}, {where}, cannot be loaded: {error}") from error
+    if not (isinstance(found, type) and issubclass(found, Synthesizer | Repairer)):
+        raise UserError(f"the method {name!r}, {where}, is neither a Synthesizer nor a Repairer")
     return found
 
 

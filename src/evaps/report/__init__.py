@@ -45,15 +45,25 @@ def report(name: str, rows: Path, out: Path) -> list[Path]:
         out: folder of the files.
 
     Raises:
-        UserError: there is no such report, there are no rows, or a library is missing.
+        UserError: there is no such report, there are no rows, they have nothing that it could show, or a
+            library is missing.
     """
     known = (*REPORTS, *FURTHER)
     if name not in (*known, "all"):
         raise UserError(f"there is no report {name!r}; known are {', '.join((*known, 'all'))}")
     written = []
     for each in (*REPORTS, *_further(rows)) if name == "all" else (name,):
-        written += _write(each, _make(each, rows), out)
+        if _shows_something(made := _make(each, rows)):
+            written += _write(each, made, out)
+        elif name != "all":
+            raise UserError(f"{rows} holds nothing that {name} could show; see docs/evaluation.md")
     return written
+
+
+def _shows_something(made: Item | list[Table]) -> bool:
+    if isinstance(made, Figure):
+        return any(len(line.x) for lines in made.panels.values() for line in lines.values())
+    return any(table.rows for table in (made if isinstance(made, list) else [made]))
 
 
 def _further(rows: Path) -> list[str]:

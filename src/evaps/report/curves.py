@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 from evaps.metrics import TOP, MethodResults, Results, bootstrap
 from evaps.report.figure import Figure, Line
 from evaps.report.names import name_of
+from evaps.tasks.files import read_text
 from evaps.tasks.info import STEP_BUCKETS
 from evaps.tasks.task import EXAMPLES
 
@@ -116,14 +118,16 @@ def learning(folder: Path) -> Figure:
     Args:
         folder: of these files.
     """
+    files = sorted(folder.glob("*-*.jsonl"))
+    trainings = Counter(path.stem.rpartition("-")[0] for path in files)
     panels: dict[str, dict[str, Line]] = {"loss": {}, "solved by the first four programs (%)": {}}
-    for path in sorted(folder.glob("*.jsonl")):
-        rows = [json.loads(line) for line in path.read_text().splitlines()]
-        name = path.stem.rpartition("-")[0]
+    for path in files:
+        method, _, seed = path.stem.rpartition("-")
+        rows = [json.loads(line) for line in read_text(path).splitlines()]
         found = [row for row in rows if "validation_solved" in row]
-        steps = [row["step"] for row in found]
-        label = name_of(name)
-        panels["loss"][label] = Line(steps, [row["validation_loss"] for row in found])
-        solved = [100 * row["validation_solved"] for row in found]
-        panels["solved by the first four programs (%)"][label] = Line(steps, solved)
-    return Figure(panels, "batches", "validation")
+        label = name_of(method) + (f", seed {seed}" if trainings[method] > 1 else "")
+        for (_, lines), key, unit in zip(panels.items(), ("loss", "solved"), (1, 100), strict=True):
+            if found:
+                values = [unit * row[f"validation_{key}"] for row in found]
+                lines[label] = Line([row["step"] for row in found], values)
+    return Figure(panels, "batches", "validation", share_y=False)

@@ -29,19 +29,21 @@ class Line:
 
 @dataclass(frozen=True)
 class Figure:
-    """Panels side by side that share their axes.
+    """Panels side by side that share their first axis.
 
     Attributes:
         panels: for each panel its title and its lines by their names.
         x: what the first axis shows, with its unit.
         y: what the second axis shows, with its unit.
         log: whether the first axis is logarithmic.
+        share_y: whether all panels have one second axis.
     """
 
     panels: Mapping[str, Mapping[str, Line]]
     x: str
     y: str
     log: bool = False
+    share_y: bool = True
 
     def draw(self, kind: str) -> bytes:
         """The picture as ``"png"`` or ``"svg"``.
@@ -59,7 +61,7 @@ class Figure:
         rows = -(-len(self.panels) // columns)
         with matplotlib.rc_context({"svg.hashsalt": "evaps", "font.size": 9}):
             canvas = Canvas(figsize=(1.5 + 3.4 * columns, 0.8 + 2.6 * rows), layout="constrained")
-            axes = canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat
+            axes = canvas.subplots(rows, columns, sharex=True, sharey=self.share_y, squeeze=False).flat
             for ax, (title, lines) in zip(axes, self.panels.items(), strict=False):
                 self._panel(ax, title, lines)
             for ax in list(axes)[len(self.panels) :]:

@@ -9,23 +9,30 @@ from typing import Any
 
 import numpy as np
 
-from evaps.metrics import METRICS, TOP, Results
+from evaps.metrics import METRICS, TITLES, TOP, Results
 from evaps.report.names import name_of
+from evaps.report.paper import GENERALIZATION
 from evaps.tasks.info import STEP_BUCKETS
 from evaps.tasks.task import EXAMPLES
 
-TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state": "generalization"}
 
+def summary_table(rows: Path, beside_paper: bool = False) -> str:
+    """Markdown: for each method the metrics at top-1 / 5 / 20 and its answer in %, and its cost a task.
 
-def summary_table(rows: Path) -> str:
-    """Markdown: for each method the metrics at top-1 / 5 / 20 and its answer in %, and its cost a task."""
+    Args:
+        rows: a file of rows, or a folder of such files.
+        beside_paper: whether there is a column of what the paper reports.
+    """
     results = Results.read(rows)
-    head = ["method", *(TITLES[m] for m in METRICS), "answer", "seconds", "simulated actions"]
+    paper = ["generalization in the paper"] if beside_paper else []
+    head = ["method", *(TITLES[m] for m in METRICS), *paper, "answer", "seconds", "simulated actions"]
     lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
     for run in results.each():
         matches = [
             " / ".join(f"{100 * run.matches(metric, k).mean():.1f}" for k in TOP) for metric in METRICS
         ]
+        if beside_paper:
+            matches.append(" / ".join(f"{share:.1f}" for share in GENERALIZATION.get(run.method, ())))
         costs = [f"{100 * run.answered().mean():.1f}", f"{run.column('seconds').mean():.2f}"]
         costs.append(f"{run.column('simulated_actions').mean():.0f}")
         lines.append(f"| {' | '.join([name_of(run.method), *matches, *costs])} |")

@@ -17,18 +17,21 @@ class Table:
         head: names of the columns.
         rows: the first cell of each says what it is about.
         notes: sentences below it: scale, seeds, what is meant.
+        number: of the paper's table that this is; LaTeX counts by itself.
     """
 
     title: str
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
     notes: Sequence[str] = ()
+    number: int | None = None
 
     def markdown(self) -> str:
         """With its title and its notes."""
         lines = [f"| {' | '.join(self.head)} |", f"|---{'|---:' * (len(self.head) - 1)}|"]
         lines += [f"| {' | '.join(row)} |" for row in self.rows]
-        return "\n\n".join([f"**{self.title}**", "\n".join(lines), *self.notes]) + "\n"
+        number = f"Table {self.number}. " if self.number else ""
+        return "\n\n".join([f"**{number}{self.title}**", "\n".join(lines), *self.notes]) + "\n"
 
     def latex(self) -> str:
         """A ``table`` environment that needs the package booktabs."""

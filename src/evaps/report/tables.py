@@ -6,12 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from evaps.metrics import METRICS, TOP, Results
+from evaps.metrics import METRICS, TITLES, TOP, Results
 from evaps.report.names import NAMES, name_of
 from evaps.report.paper import GENERALIZATION, PAPER, PUBLISHED
 from evaps.report.table import Table
 
-TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state": "generalization"}
 TABLE_1 = ("lgrl", "lgrl-rl", "sed", "inferred-trace", "latent-execution", "transformer", "evaps")
 TABLE_2 = ("lgrl", "naive", "evaps-o", "evaps-s", "evaps")
 GOAL = "generalization_state"
@@ -30,31 +29,31 @@ def table_1(results: Results) -> Table:
             for i, k in enumerate(TOP)
         ]
         rows.append([name_of(method), *cells, str(len(results.by_method[method]))])
-    others = [m for m in methods if m not in ("evaps", "lgrl-rl")]
+    others = [m for m in methods if m != "evaps"]
     notes = [scale_note(results), *differences(results, "evaps", others)]
-    return Table("Table 1. Methods, in % of the test tasks; the paper's in brackets", head, rows, notes)
+    return Table("Methods, in % of the test tasks; the paper's in brackets", head, rows, notes, number=1)
 
 
 def table_2(results: Results) -> Table:
     """The ablation: what is gained without observations (S), without the graph (O), and with both."""
     methods = [m for m in TABLE_2 if m in results.methods]
     head = ["method", *(f"generalization @{k}" for k in TOP), *(f"gain @{k}" for k in TOP), "seeds"]
-    base = "naive" if "naive" in methods else "lgrl"
+    base = next((m for m in ("naive", "lgrl") if m in methods), None)
     rows = []
     for method in methods:
         cells = [
             mean_and_deviation(results.top(method, GOAL, k)) + _published(GOAL, method, i)
             for i, k in enumerate(TOP)
         ]
-        gains = [_gain(results, method, base, k) for k in TOP]
+        gains = [_gain(results, method, base, k) if base else "" for k in TOP]
         name = "candidates before repair (LGRL)" if method == "lgrl" else name_of(method)
         rows.append([name, *cells, *gains, str(len(results.by_method[method]))])
     notes = [
         scale_note(results),
-        f"Gains are over {name_of(base)}, in points.",
+        *([f"Gains are over {name_of(base)}, in points."] if base else []),
         *differences(results, "evaps", [m for m in methods if m != "evaps"]),
     ]
-    return Table("Table 2. What the parts of EVAPS add; the paper's in brackets", head, rows, notes)
+    return Table("What the parts of EVAPS add; the paper's in brackets", head, rows, notes, number=2)
 
 
 def frames(results: Results) -> Table:
@@ -83,8 +82,11 @@ def scale_note(results: Results) -> str:
     tasks = sorted({len(run.tasks) for run in runs})
     scales = sorted({str(run.rows[run.tasks[0]][0]["scale"]) for run in runs})
     seeds = sorted({len(seeds) for seeds in results.by_method.values()})
-    ours = f"{_range(tasks)} test tasks, {_range(seeds)} seeds, scale {', '.join(scales)}"
-    return f"Ours: {ours} (20,000 tasks at small scale, of which 14,000 are trained on). The paper: {PAPER}."
+    data = sorted({run.rows[run.tasks[0]][0].get("trained_on") or 0 for run in runs} - {0})
+    plural = "" if seeds == [1] else "s"
+    ours = f"{_range(tasks)} test tasks, {_range(seeds)} seed{plural}, scale {', '.join(scales)}"
+    trained = f", trained on 70 % of {_range(data)} tasks" if data else ""
+    return f"Ours: {ours}{trained}. The paper: {PAPER}."
 
 
 def differences(results: Results, better: str, others: Sequence[str], k: int = 1) -> Iterator[str]:

@@ -23,7 +23,11 @@ class NoisyFrame(RgbFrame):
     share: float = 0.0
 
 
-def noisy(observation: Observation, share: float, salt: int = 0) -> NoisyFrame:
+GOAL, VIEW = 0, 1
+"""Salts: a goal and a view of the same have lost different pixels, or equal ones would betray the goal."""
+
+
+def noisy(observation: Observation, share: float, salt: int = GOAL) -> NoisyFrame:
     """Drop pixels; which ones depends on what is seen and on the salt, and on nothing else.
 
     Args:
@@ -39,11 +43,12 @@ def noisy(observation: Observation, share: float, salt: int = 0) -> NoisyFrame:
 def goal_match(view: Observation, goal: Observation) -> bool:
     """The strict match with a goal; of a noisy one, on the pixels that are valid in the goal and in the view.
 
-    The view is seen through the same noise as the goal. A pixel that is 0 in every channel is invalid.
+    As large a share of the view's pixels is dropped as of the goal's, but other ones (:func:`noisy_view`). A
+    pixel that is 0 in every channel is invalid.
     """
     if not isinstance(goal, NoisyFrame):
         return frame_match(view, goal)
-    seen = _seen(digest(view), view, goal.share)
+    seen = noisy_view(view, goal.share)
     valid = _valid(seen) & _valid(goal)
     return bool(
         np.array_equal(seen.rgb[valid], goal.rgb[valid])
@@ -66,13 +71,14 @@ class _View:
         return isinstance(other, _View) and self.key == other.key
 
 
-def _seen(key: bytes, view: Observation, share: float) -> NoisyFrame:
-    return _remembered(_View(key, view), share)
+def noisy_view(view: Observation, share: float) -> NoisyFrame:
+    """What the robot sees of a view through noise: the same each time that it looks."""
+    return _remembered(_View(digest(view), view), share)
 
 
 @lru_cache(maxsize=REMEMBERED)
 def _remembered(view: _View, share: float) -> NoisyFrame:
-    return noisy(view.view, share, salt=1)
+    return noisy(view.view, share, VIEW)
 
 
 def _valid(frame: NoisyFrame) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:

@@ -20,7 +20,7 @@ from evaps.models.base import Execution
 from evaps.models.compute import autocast
 from evaps.models.encoder import Encoder
 from evaps.robots.frames import Observation, PaletteFrame, digest
-from evaps.robots.noise import NoisyFrame, noisy
+from evaps.robots.noise import NoisyFrame, noisy_view
 from evaps.synthesis.solution import Attempt
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.frames import rgbd, unpack_frames
@@ -127,7 +127,7 @@ class FeatureTable:
     def _as_seen(self, observation: Observation) -> Observation:
         if not self.noise or isinstance(observation, NoisyFrame):
             return observation
-        return noisy(observation, self.noise)
+        return noisy_view(observation, self.noise)
 
     def executions(self, attempts: Sequence[Attempt], task: Task) -> list[Execution]:
         """What a repairer is told of these attempts."""

@@ -46,7 +46,8 @@ def train_inferred_trace(run: Run, model: InferredTrace) -> Path:
         "policy_reaches_in_training": float(ways.reached[: len(train)].mean()),
         "policy_reaches": float(ways.reached[len(train) :].mean()),
     }
-    return run.save(model, model.name, config, {**metrics, **first, **reached})
+    policy = {f"policy_{key.removeprefix('validation_policy_')}": value for key, value in first.items()}
+    return run.save(model, model.name, config, {**metrics, **policy, **reached})
 
 
 def _fit_policy(
