@@ -20,7 +20,7 @@ from evaps.evaluate import BUDGET, match
 from evaps.models import load_model
 from evaps.report.names import name_of
 from evaps.robots.doom import DoomRobot
-from evaps.synthesis import doom_team, memo_of, solve
+from evaps.synthesis import memo_of, solve, team_of_robots
 from evaps.tasks.dataset import Dataset, gold_task
 from evaps.tasks.task import GoldTask
 from evaps.viewer import TaskReport, write_page
@@ -77,7 +77,7 @@ def main(gallery: Gallery) -> None:
     torch.set_num_threads(1)
     plan = Plan()
     make_data(plan)
-    robots = doom_team()
+    robots = team_of_robots()
     reports = [
         report
         for gold in drawn(Dataset(plan.data), gallery.tasks, gallery.seed)

@@ -61,16 +61,6 @@ def test_a_folder_is_complete_or_not_there(task: Task, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_other_robots_have_other_sizes_and_scenes(task: Task, folder: Path) -> None:
-    def refuse(scene: Scene) -> None:
-        raise TaskError("asked")
-
-    with pytest.raises(TaskError, match="asked"):
-        load_task(folder, check_scene=refuse)
-    with pytest.raises(TaskError, match="image of 16x12 pixels in mode RGB, found 160x120 in mode RGB"):
-        load_task(folder, size=(12, 16))
-
-
 def edit(change: Callable[[dict[str, Any]], object]) -> Callable[[Path], None]:
     """Break ``task.json``."""
 

@@ -38,14 +38,14 @@ class Data(Command):
         """Count, check, and print."""
         check_least(check=(self.check, 0))
         from evaps.dsl.sampler import PERCEPTION_KEYS
-        from evaps.robots.doom import DoomRobot
         from evaps.robots.memo import MemoRobot
+        from evaps.robots.world import world
         from evaps.tasks.dataset import Dataset
         from evaps.tasks.info import check, summarize
 
         dataset = Dataset(self.folder)
         summary = summarize(dataset)
-        robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS, eager=False)
+        robot = MemoRobot(world().robot(), PERCEPTION_KEYS, eager=False)
         try:
             faults = check(dataset, self.check, robot)
         finally:

@@ -14,7 +14,7 @@ from tyro.conf import arg
 
 from evaps.dsl import Program, ProgramError, UserError
 from evaps.robots.base import Scene, SceneError
-from evaps.robots.scenes import validate
+from evaps.robots.world import world
 from evaps.tasks.files import decode, read_json, read_text
 
 ProgramFile: TypeAlias = Annotated[str, arg(metavar="FILE|-")]
@@ -61,7 +61,7 @@ def read_scenes(path: Path, count: int) -> list[Scene]:
 def _scene(value: Any, where: str) -> Scene:
     try:
         scene = Scene.from_json(value)
-        validate(scene)
+        world().validate(scene)
     except SceneError as error:
         raise UserError(f"{where}: {error}") from error
     return scene

@@ -30,11 +30,11 @@ class MakeTask(Command):
 
     def run(self) -> None:
         """Run the program from each scene and write the folder."""
-        from evaps.robots.doom import DoomRobot
+        from evaps.robots.world import world
         from evaps.tasks.task import EXAMPLES, Task, save_task
 
         program, scenes = read_program(self.program), read_scenes(self.scenes, EXAMPLES)
-        robot = DoomRobot()
+        robot = world().robot()
         try:
             examples = tuple(_example(program, scene, i, robot) for i, scene in enumerate(scenes))
         finally:

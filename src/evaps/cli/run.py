@@ -39,7 +39,7 @@ class Run(Command):
     def run(self) -> None:
         """Run the program from the scene."""
         from evaps.dsl import run
-        from evaps.robots.doom import DoomRobot
+        from evaps.robots.world import world
 
         program, scene = read_program(self.program), read_scene(self.scene)
         if self.film is not None:
@@ -47,7 +47,7 @@ class Run(Command):
 
             check_film(self.film)
             check_writable(self.film)
-        robot = DoomRobot()
+        robot = world().robot()
         try:
             if self.film is None:
                 robot.reset(scene)
@@ -99,7 +99,8 @@ def _print_summary(trace: Trace[Observation], state: WorldState) -> None:
     console.print(f"{how}: {len(trace.actions)} actions, {trace.calls} interpreter calls")
     console.print(" ".join(trace.actions) or "no action", style="bold")
     console.print(f"robot at x {robot.x:g}, y {robot.y:g}, heading {robot.heading:g} degrees")
-    console.print(f"ammunition {state.ammo}, health {state.health}")
+    if state.ammo or state.health:
+        console.print(f"ammunition {state.ammo}, health {state.health}")
     table = Table("thing", "alive", "x", "y")
     for thing in state.things:
         table.add_row(thing.kind, "yes" if thing.alive else "no", f"{thing.x:g}", f"{thing.y:g}")

@@ -12,6 +12,7 @@ from tyro.conf import Positional
 
 from evaps.cli.command import Command
 from evaps.cli.inputs import File, check_least, check_writable, writing
+from evaps.domain import CHOSEN
 from evaps.dsl import UserError
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class Synthesize(Command):
     """How many candidates come back at most; methods other than verified run, and repair, so many."""
     rounds: int = 5
     """How often a candidate is repaired at most; not for verified."""
-    actions: int = 3_500
+    actions: int = CHOSEN.budget
     """How many actions verified synthesis may simulate."""
     seconds: float = 8.0
     """How long it may search; it may take a little longer."""
@@ -131,10 +132,10 @@ def solve_all(
     import torch
 
     torch.set_num_threads(1)
-    from evaps.synthesis import Budget, doom_team, memo_of, solve
+    from evaps.synthesis import Budget, memo_of, solve, team_of_robots
     from evaps.viewer import TaskReport
 
-    team = doom_team()
+    team = team_of_robots()
     try:
         for task in tasks:
             memo = memo_of(team)  # it lives as long as its views: the page shows them

@@ -7,12 +7,13 @@ from xml.etree import ElementTree as Xml
 
 from evaps.dsl.nodes import Action, Body, Condition, If, IfElse, Not, Repeat, Statement, While
 from evaps.dsl.program import Program
+from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 
-HEAD = '''"""A robot program, written by evaps. It needs nothing but a robot with these two methods:
+HEAD = f'''"""A robot program, written by evaps. It needs nothing but a robot with these two methods:
 
 class Robot:
-    def act(self, action: str) -> None: ...  # such as "TURN_LEFT"
-    def perceive(self, perception: str) -> bool: ...  # such as "ISTHERE Demon"
+    def act(self, action: str) -> None: ...  # such as "{ACTIONS[-1]}"
+    def perceive(self, perception: str) -> bool: ...  # such as "{PERCEPTION_KEYS[0]}"
 """
 
 

@@ -15,10 +15,10 @@ class Action:
 
 @dataclass(frozen=True)
 class Perception:
-    """A question to the robot's detectors, such as ``ISTHERE Demon``."""
+    """A question to the robot's detectors, such as ``ISTHERE Demon``, or ``frontIsClear`` of no thing."""
 
     name: str
-    thing: str | None
+    thing: str | None = None
 
     @property
     def key(self) -> str:

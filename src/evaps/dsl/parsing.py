@@ -15,7 +15,7 @@ from evaps.dsl.syntax import PYTHON_FORM, TOKEN_FORM, Form
 _KINDS = {
     "ACTION": "an action",
     "PERCEPTION": "a perception",
-    "PERCEPTION_CALL": "a perception",
+    "SENSE": "a perception",
     "_NL": "a new line",
     "_INDENT": "an indented block",
     "_DEDENT": "the end of the block",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evaps.domain import CHOSEN
 from evaps.dsl.program import (
     Action,
     Condition,
@@ -22,12 +23,14 @@ from evaps.dsl.program import (
 from evaps.dsl.vocab import VOCAB, token_type
 
 ACTIONS = tuple(token for token in VOCAB.tokens if token_type(token) == "action")
+"""All actions, in the order of the vocabulary."""
 MAX_TOKENS = 32
 """The longest program of a data set, and of what is proposed or repaired."""
-COUNTS = tuple(int(token[2:]) for token in VOCAB.tokens if token.startswith("R="))
-_NAMES = [token for token in VOCAB.tokens if token_type(token) == "perception"]
-_THINGS = [t for t in VOCAB.tokens if token_type(t) == "constant" and not t.startswith("R=")]
-PERCEPTIONS = tuple(Perception(name, thing) for name in _NAMES for thing in _THINGS)
+COUNTS = tuple(sorted(n for n in CHOSEN.counts if n > 1))
+"""How often a REPEAT repeats that is written here; what repeats less may only be read."""
+_THINGS = sorted(CHOSEN.things) or (None,)
+PERCEPTIONS = tuple(Perception(name, thing) for name in sorted(CHOSEN.perceptions) for thing in _THINGS)
+"""All perceptions, in the order of the vocabulary."""
 PERCEPTION_KEYS = tuple(p.key for p in PERCEPTIONS)
 _COUNT_WEIGHTS = np.array([1 / n for n in COUNTS]) / sum(1 / n for n in COUNTS)  # short loops are commoner
 

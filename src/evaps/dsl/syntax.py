@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from threading import Lock
 from typing import Any
 
@@ -15,6 +15,7 @@ from lark.indenter import Indenter
 from lark.lexer import PatternRE, TerminalDef
 from lark.parsers.lalr_analysis import Shift
 
+from evaps.domain import CHOSEN, Domain
 from evaps.dsl.nodes import Action, If, IfElse, Not, Perception, Repeat, While
 
 NODES: dict[str, type[Any]] = {
@@ -28,29 +29,37 @@ NODES: dict[str, type[Any]] = {
 }
 """The node that each alias of the grammar stands for; its fields are the rule's parts, in order."""
 
+NOTHING = r"[^\s\S]"
+"""A pattern that matches nothing."""
+
 Stack = tuple[int, ...]
 """The states of the parser that are open: all that it remembers of the tokens so far."""
 
 
-def value_of(terminal: str, word: str) -> str | int:
-    """The value in the tree that a word of either form stands for."""
-    if terminal in ("COUNT", "TIMES"):
-        return int(re.sub(r"\D", "", word))
-    if terminal == "PERCEPTION_CALL":
-        return word.replace("_", "").upper()
-    return word.upper() if terminal == "ACTION" else word
+def _spellings(domain: Domain, python: bool) -> dict[str, dict[str | int, str]]:
+    """For each kind of word that a domain has its own of: how each of its values is written in a form."""
+    spelt: Callable[[str], str] = domain.spelt if python else str
+    perceptions: dict[str | int, str] = {word: spelt(word) for word in domain.perceptions}
+    return {
+        "ACTION": {word: spelt(word) for word in domain.actions},
+        "PERCEPTION": perceptions if domain.things else {},
+        "SENSE": {} if domain.things else perceptions,
+        "THING": {word: word for word in domain.things},
+        "TIMES": {count: str(count) for count in domain.counts},
+        "COUNT": {count: f"R={count}" for count in domain.counts},
+    }
 
 
 class _TreeBuilder(Transformer[Token, Any]):
     """Builds nodes while lark parses."""
 
-    def __init__(self) -> None:
+    def __init__(self, spellings: Mapping[str, Mapping[str | int, str]]) -> None:
         super().__init__()
         for alias, node in NODES.items():
             setattr(self, alias, lambda parts, node=node: node(*parts))
-        for terminal in ("ACTION", "COUNT", "PERCEPTION_CALL", "TIMES"):
-            setattr(self, terminal, lambda token: value_of(token.type, token))
-        self.PERCEPTION = self.THING = str
+        for terminal, spelling in spellings.items():
+            values = {word: value for value, word in spelling.items()}
+            setattr(self, terminal, values.__getitem__)
         self.body = tuple
         self.program = lambda parts: parts[0]
 
@@ -79,21 +88,23 @@ class Indentation(Indenter):
 
 
 class Form:
-    """One of the two ways to write a program, as read off the grammar file.
+    """One of the two ways to write a program, as read off the grammar file, with the words of a domain.
 
     Args:
         start: the rule that a whole text in this form follows.
         python: whether lines and indentation count, and actions are written in lower case.
+        domain: whose words.
 
     Attributes:
         words: for each terminal, its words in alphabetical order; none for line ends and indentation.
         rules: for each node, "body" and "program", how it is written.
-        spelling: for each terminal, the word for each value in the tree.
+        spelling: for each terminal that a domain has its own words of, the word for each value in the tree.
         table: the parse table.
     """
 
-    def __init__(self, start: str, python: bool) -> None:
+    def __init__(self, start: str, python: bool, domain: Domain = CHOSEN) -> None:
         self._python = python
+        self.spelling = _spellings(domain, python)
         self.words: dict[str, tuple[str, ...]] = {}
         self._lock = Lock()
         self.lark = Lark.open(
@@ -102,31 +113,32 @@ class Form:
             start=start,
             parser="lalr",
             lexer="basic",
-            transformer=_TreeBuilder(),
+            transformer=_TreeBuilder(self.spelling),
             postlex=Indentation() if python else None,
             edit_terminals=self._edit,
         )
-        rules = _reachable(self.lark.rules, start)
+        rules = [rule for rule in _reachable(self.lark.rules, start) if self._has_words(rule)]
         used = [symbol.name for rule in rules for symbol in rule.expansion if symbol.is_term]
         self.words = {name: self.words.get(name, ()) for name in dict.fromkeys(used)}
         self.rules = {rule.alias or rule.origin.name: rule.expansion for rule in rules}
-        self.spelling = {
-            name: {value_of(name, word): word for word in words} for name, words in self.words.items()
-        }
         self.table = Table(self.lark, start, rules)
 
     def _edit(self, terminal: TerminalDef) -> None:
-        """Note the words of a terminal, and let it match whole words only."""
-        if terminal.name == "_NL" and not self._python:
-            terminal.pattern = PatternRE(r"[^\s\S]")  # matches nothing: line ends are white space
-        if terminal.name in ("COMMENT", "WHITE", "_NL"):
+        """Give a terminal the domain's words, note them, and let it match whole words only."""
+        name = terminal.name
+        if name == "_NL" and not self._python:
+            terminal.pattern = PatternRE(NOTHING)  # line ends are white space
+        if name in ("COMMENT", "WHITE", "_NL"):
             return
-        pattern = terminal.pattern.to_regexp()
-        if self._python and terminal.name == "ACTION":
-            pattern = pattern.lower()
-        self.words[terminal.name] = tuple(sorted(_alternatives(pattern)))
+        words = self.spelling[name].values() if name in self.spelling else [_word(terminal)]
+        self.words[name] = tuple(sorted(words))
         boundary = r"(?:(?<!\w)|(?!\w))" if self._python else r"(?!\S)"
-        terminal.pattern = PatternRE(f"(?:{pattern}){boundary}")
+        pattern = "|".join(re.escape(word) for word in self.words[name])
+        terminal.pattern = PatternRE(f"(?:{pattern}){boundary}" if pattern else NOTHING)
+
+    def _has_words(self, rule: Rule) -> bool:
+        """Whether the domain has words for a rule: one without things has none for its perceptions."""
+        return all(self.words.get(symbol.name, True) for symbol in rule.expansion if symbol.is_term)
 
     def parse(self, text: str) -> Any:
         """The body of the program in the text; lark's own errors, if it is none."""
@@ -145,13 +157,9 @@ class Form:
         return tokens, None
 
 
-def _alternatives(pattern: str) -> Iterator[str]:
-    """The words that a pattern of the kind ``R=(?:2|3)`` matches."""
-    match = re.fullmatch(r"(.*?)\(\?:([^()]+)\)(.*)", pattern)
-    if match is None:
-        yield re.sub(r"\\(.)", r"\1", pattern)
-    else:
-        yield from (match[1] + word + match[3] for word in match[2].split("|"))
+def _word(terminal: TerminalDef) -> str:
+    """The one word that a terminal of the grammar file itself matches."""
+    return re.sub(r"\\(.)", r"\1", terminal.pattern.to_regexp())
 
 
 def _reachable(rules: list[Rule], start: str) -> list[Rule]:

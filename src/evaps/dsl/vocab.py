@@ -15,7 +15,13 @@ Mask = NDArray[np.bool_]
 
 PAD = "<pad>"
 TOKEN_TYPES = ("pad", "action", "perception", "control", "bracket", "constant")
-_KINDS = {"ACTION": "action", "PERCEPTION": "perception", "THING": "constant", "COUNT": "constant"}
+_KINDS = {
+    "ACTION": "action",
+    "PERCEPTION": "perception",
+    "SENSE": "perception",
+    "THING": "constant",
+    "COUNT": "constant",
+}
 
 
 def _type_of(terminal: str, word: str) -> str:

@@ -1,8 +1,9 @@
 """The inverse model: what is left to do between what the robot sees and what it should see.
 
-It knows nothing of programs. From two observations it says how far the robot still has to turn, to go ahead
-and to go sideways, and how often to shoot, as distributions over signed numbers of actions. An estimate of
-how many actions are left guides the search for traces (`evaps.synthesis.traces`).
+It knows nothing of programs. From two observations it says how much is left on each axis of the domain,
+such as how far the robot still has to turn, to go ahead and to go sideways, as distributions over signed
+numbers of actions. An estimate of how many actions are left guides the search for traces
+(`evaps.synthesis.traces`).
 """
 
 from __future__ import annotations
@@ -15,15 +16,11 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from evaps.domain import CHOSEN
 from evaps.models.pairs import PairConfig, PairEmbedding
 
-AXES = (
-    ("TURN_LEFT", "TURN_RIGHT"),
-    ("MOVE_FORWARD", "MOVE_BACKWARD"),
-    ("MOVE_LEFT", "MOVE_RIGHT"),
-    ("ATTACK", None),
-)
-"""What is counted: an action forwards, and the action that undoes it."""
+AXES = CHOSEN.axes
+"""What is counted."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +97,7 @@ class InverseModel(nn.Module):
 
 def effect(action: str) -> tuple[int, int]:
     """The axis that an action counts on, and in which direction."""
-    for axis, (onwards, back) in enumerate(AXES):
-        if action in (onwards, back):
-            return axis, 1 if action == onwards else -1
+    for index, axis in enumerate(AXES):
+        if action in (axis.onwards, axis.back):
+            return index, 1 if action == axis.onwards else -1
     raise KeyError(action)

@@ -8,10 +8,10 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from evaps.domain import CHOSEN
 from evaps.dsl import UserError
 from evaps.robots.frames import Observation
 
-POSITION_TOLERANCE = 2.0  # map units
 HEADING_TOLERANCE = 0.5  # degrees
 
 
@@ -25,7 +25,7 @@ class EngineError(RuntimeError):
 
 @dataclass(frozen=True)
 class Thing:
-    """Something in the world: its kind and its place in map units."""
+    """Something in the world: its kind and its place, in units of the world."""
 
     kind: str
     x: float
@@ -34,7 +34,7 @@ class Thing:
 
 @dataclass(frozen=True)
 class Pose:
-    """Where the robot stands, in map units, and where it looks, in degrees counter-clockwise from east."""
+    """Where the robot stands, in units of the world, and looks, in degrees counter-clockwise from east."""
 
     x: float
     y: float
@@ -168,6 +168,11 @@ class Robot(ABC):
         """
         return None
 
+    @property
+    def replaced(self) -> int:
+        """How many engines of it have died, or hung, and were replaced; 0 where it has none."""
+        return 0
+
     def close(self) -> None:  # noqa: B027 (most robots hold nothing that must be given back)
         """Give back what the robot holds."""
 
@@ -175,7 +180,7 @@ class Robot(ABC):
 def state_match(a: WorldState, b: WorldState) -> bool:
     """The headline match: robot, ammunition, health and every thing are the same, within tolerances.
 
-    Robot and things may differ by :data:`POSITION_TOLERANCE`, the heading by :data:`HEADING_TOLERANCE`.
+    Robot and things may differ by the domain's tolerance, the heading by :data:`HEADING_TOLERANCE`.
     """
     return (
         _near(a.robot, b.robot)
@@ -186,14 +191,16 @@ def state_match(a: WorldState, b: WorldState) -> bool:
 
 
 def _near(a: Pose | ThingState, b: Pose | ThingState) -> bool:
-    return math.hypot(a.x - b.x, a.y - b.y) <= POSITION_TOLERANCE
+    return math.hypot(a.x - b.x, a.y - b.y) <= CHOSEN.tolerance
 
 
 def _same_things(a: Sequence[ThingState], b: Sequence[ThingState]) -> bool:
+    if a == b or len(a) != len(b):
+        return a == b
     left = list(b)
     for thing in a:
         same = [t for t in left if (t.kind, t.alive) == (thing.kind, thing.alive) and _near(t, thing)]
         if not same:
             return False
         left.remove(same[0])
-    return not left
+    return True

@@ -9,11 +9,10 @@ from typing import Any, TypeVar
 from evaps.robots.base import EngineError, Pose, Robot, Scene, ThingState, WorldState
 from evaps.robots.engine import BUTTONS, HEIGHT, MEMORY_LIMIT, TIME_LIMIT, WIDTH, Engine, doom_palette
 from evaps.robots.frames import Observation, PaletteFrame
-from evaps.robots.scenes import validate
-from evaps.robots.wad import CLIP, PREFIX, RADII, ROBOT_RADIUS
+from evaps.robots.scenes import ANY_Y, ROBOT_X, THING_X, random_scene, validate
+from evaps.robots.wad import ARENA_X, ARENA_Y, CLIP, PREFIX, RADII, ROBOT_RADIUS
+from evaps.robots.world import World
 
-ROBOT = "doom-v0"
-"""Names the robot and its version, which rises when equal programs may come to show other frames."""
 CENTRE_X, CENTRE_Y = WIDTH // 2, HEIGHT // 2
 
 # Each action presses one button for some tics and then waits until the world is at rest: with fewer
@@ -69,9 +68,6 @@ class DoomRobot(Robot):
 
     Args:
         time_limit: seconds after which an engine that does not answer is replaced.
-
-    Attributes:
-        replaced: how many engines have died or hung so far.
     """
 
     def __init__(self, time_limit: float = TIME_LIMIT) -> None:
@@ -84,7 +80,7 @@ class DoomRobot(Robot):
         self._fired = False  # since somebody last looked
         self._to_clip = math.inf  # on the axis on which it is further; it may be more
         self._resets = 0
-        self.replaced = 0
+        self._replaced = 0
         self._seen: Any = None
         self._view: PaletteFrame | None = None
 
@@ -159,6 +155,11 @@ class DoomRobot(Robot):
         things = sorted((o.name, o.position_x, o.position_y, o.position_z, o.angle) for o in seen.objects)
         return tuple(seen.game_variables), tuple(things)
 
+    @property
+    def replaced(self) -> int:
+        """How many engines have died or hung so far."""
+        return self._replaced
+
     def close(self) -> None:
         """End the engine's process."""
         self._end_engine()
@@ -185,7 +186,7 @@ class DoomRobot(Robot):
                 return self._engine.call(work)
             except EngineError:
                 self._end_engine()
-                self.replaced += 1
+                self._replaced += 1
                 if not tries_left:
                     raise
             except BaseException:  # Ctrl-C in the middle of an action: nobody knows where the engine stands
@@ -275,3 +276,19 @@ def _furthest_axis(x: float, y: float, places: Sequence[tuple[float, float]]) ->
 
 def _on_centre(box: Any) -> bool:
     return bool(box.x < CENTRE_X < box.x + box.width and box.y < CENTRE_Y < box.y + box.height)
+
+
+WORLD = World(
+    "doom-v0",
+    DoomRobot,
+    random_scene,
+    (HEIGHT, WIDTH),
+    doom_palette,
+    validate,
+    engine="vizdoom",
+    x=ARENA_X,
+    y=ARENA_Y,
+    radii={**RADII, "robot": ROBOT_RADIUS},
+    places={"robot": (ROBOT_X, ANY_Y), "things": (THING_X, ANY_Y)},
+)
+"""The arena, for everything that works in any domain."""

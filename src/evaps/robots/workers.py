@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from multiprocessing import connection
 from typing import Any, ClassVar, TypeVar
 
-from evaps.robots.base import EngineError, Scene
-from evaps.robots.doom import DoomRobot
+from evaps.robots.base import EngineError, Robot
 from evaps.robots.engine import core_of, interrupts_blocked, settle
 from evaps.robots.memo import MemoRobot
+from evaps.robots.world import world
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -189,7 +189,7 @@ def _serve(pipe: Any, number: int, stop: Any) -> None:
     os.setpgid(0, 0)  # with its engines, so that one signal ends all
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGTERM, lambda *_: os.killpg(0, signal.SIGKILL))
-    _WorkerRobot.stop = stop
+    _Stop.flag = stop
     settle(core_of(number))
     with suppress(EOFError, OSError):  # the parent has closed the pipe: there is nothing more to do
         while True:
@@ -213,22 +213,28 @@ class _Stopped(Exception):  # noqa: N818 - nothing is wrong
     """Nobody waits for what this worker does."""
 
 
-class _WorkerRobot(DoomRobot):
+class _Stop:
     """Ends the item under way soon after the parent has stopped waiting."""
 
-    stop: ClassVar[Any] = None  # a flag; None where the work is done in the parent itself
+    flag: ClassVar[Any] = None  # None where the work is done in the parent itself
 
-    def reset(self, scene: Scene) -> None:
-        self._check()
-        super().reset(scene)
+    @classmethod
+    def checked_by(cls, method: Callable[..., None]) -> Callable[..., None]:
+        """The method, which is not called any more when nobody waits for it."""
 
-    def act(self, action: str) -> None:
-        self._check()
-        super().act(action)
+        def checked(argument: Any) -> None:
+            if cls.flag is not None and cls.flag.value:
+                raise _Stopped
+            method(argument)
 
-    def _check(self) -> None:
-        if self.stop is not None and self.stop.value:
-            raise _Stopped
+        return checked
+
+
+def _worker_robot() -> Robot:
+    robot = world().robot()
+    for name in ("reset", "act"):
+        setattr(robot, name, _Stop.checked_by(getattr(robot, name)))
+    return robot
 
 
 def _end_with_parent() -> None:
@@ -245,8 +251,8 @@ _robots: dict[RobotConfig, MemoRobot] = {}
 
 def _robot(config: RobotConfig) -> MemoRobot:
     if config not in _robots:
-        spares = [_WorkerRobot() for _ in range(config.spares)]
-        _robots[config] = MemoRobot(_WorkerRobot(), config.perceptions, config.eager, spares=spares)
+        spares = [_worker_robot() for _ in range(config.spares)]
+        _robots[config] = MemoRobot(_worker_robot(), config.perceptions, config.eager, spares=spares)
     return _robots[config]
 
 

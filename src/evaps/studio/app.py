@@ -22,8 +22,7 @@ from evaps.dsl import Program, UserError
 from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.models import Model, load_model
 from evaps.robots.base import EngineError
-from evaps.robots.scenes import ANY_Y, ROBOT_X, THING_X, random_scene
-from evaps.robots.wad import ARENA_X, ARENA_Y, RADII, ROBOT_RADIUS
+from evaps.robots.world import world
 from evaps.studio import forms
 from evaps.studio.engines import Engines
 from evaps.studio.guard import guard
@@ -37,15 +36,6 @@ PAGE = Path(__file__).parent / "page"
 PARTS = {path.name: path for path in (PAGE / "studio.js", PAGE / "studio.css", COLOURS)}
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 METHODS = ("verified", "evaps", "lgrl")
-FACTS = {
-    "arena": {"x": ARENA_X, "y": ARENA_Y},
-    "places": {"robot": ROBOT_X, "things": THING_X, "y": ANY_Y},
-    "radii": {**RADII, "robot": ROBOT_RADIUS},
-    "actions": ACTIONS,
-    "perceptions": PERCEPTION_KEYS,
-    "methods": METHODS,
-    "examples": EXAMPLES,
-}
 
 
 def create_app(
@@ -83,7 +73,19 @@ def create_app(
 
     @app.get("/api/facts")
     def facts() -> dict[str, Any]:
-        return {**FACTS, "tasks": sorted(folders)}
+        here = world()
+        anywhere = (here.x, here.y)
+        return {
+            "arena": {"x": here.x, "y": here.y},
+            "places": {who: here.places.get(who, anywhere) for who in ("robot", "things")},
+            "radii": here.radii,
+            "headings": here.headings,
+            "actions": ACTIONS,
+            "perceptions": PERCEPTION_KEYS,
+            "methods": METHODS,
+            "examples": EXAMPLES,
+            "tasks": sorted(folders),
+        }
 
     @app.get("/api/health")
     def health() -> dict[str, int]:
@@ -91,7 +93,7 @@ def create_app(
 
     @app.post("/api/random-scene")
     def random() -> dict[str, Any]:
-        return random_scene(np.random.default_rng()).to_json()
+        return world().random_scene(np.random.default_rng()).to_json()
 
     @app.get("/api/tasks/{name}")
     def task(name: str) -> dict[str, Any]:

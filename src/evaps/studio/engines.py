@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from queue import Empty, SimpleQueue
 
-from evaps.robots.base import EngineError
-from evaps.robots.doom import DoomRobot
+from evaps.robots.base import EngineError, Robot
+from evaps.robots.world import world
 
 LONGEST_WAIT = 20.0  # seconds for a robot
 
@@ -20,13 +20,13 @@ class Engines:
     """
 
     def __init__(self, robots: int = 2) -> None:
-        self._all = [DoomRobot() for _ in range(robots)]
-        self._idle: SimpleQueue[DoomRobot] = SimpleQueue()
+        self._all = [world().robot() for _ in range(robots)]
+        self._idle: SimpleQueue[Robot] = SimpleQueue()
         for robot in self._all:
             self._idle.put(robot)
 
     @contextmanager
-    def robot(self) -> Iterator[DoomRobot]:
+    def robot(self) -> Iterator[Robot]:
         """A robot, for as long as the block lasts.
 
         Raises:

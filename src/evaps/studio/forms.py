@@ -11,11 +11,11 @@ import numpy as np
 from PIL import Image as Picture
 from pydantic import BaseModel, ConfigDict, Field
 
+from evaps.domain import CHOSEN
 from evaps.dsl import Program, ProgramError, Trace, UserError
 from evaps.robots.base import Robot, Scene
-from evaps.robots.engine import HEIGHT, WIDTH
 from evaps.robots.frames import Image, Observation, RgbFrame
-from evaps.robots.scenes import validate
+from evaps.robots.world import world
 from evaps.tasks.task import EXAMPLES, Example, Task
 from evaps.viewer.film import Moment, record
 from evaps.viewer.pictures import PNG_URI, data_uri, depth_png, rgb_png
@@ -64,7 +64,7 @@ class SynthesisForm(TaskForm):
 
     method: str = Field("verified", max_length=60)
     seconds: float = Field(8.0, gt=0, le=600)
-    actions: int = Field(3_500, ge=1, le=100_000)
+    actions: int = Field(CHOSEN.budget, ge=1, le=100_000)
 
 
 def read_scene(value: dict[str, Any]) -> Scene:
@@ -74,7 +74,7 @@ def read_scene(value: dict[str, Any]) -> Scene:
         UserError: it is not one; the message says why.
     """
     scene = Scene.from_json(value)
-    validate(scene)
+    world().validate(scene)
     return scene
 
 
@@ -102,21 +102,22 @@ def _goal(form: ExampleForm, scene: Scene, robot: Robot) -> Observation:
         return moments[-1].view
     if form.goal_rgb is None or form.goal_depth is None:
         raise UserError("it has no goal: record a run, or run a program")
-    rgb = _pixels(form.goal_rgb, "RGB", (HEIGHT, WIDTH, 3))
-    return RgbFrame(rgb, _pixels(form.goal_depth, "L", (HEIGHT, WIDTH)))
+    size = world().size
+    rgb = _pixels(form.goal_rgb, "RGB", (*size, 3))
+    return RgbFrame(rgb, _pixels(form.goal_depth, "L", size))
 
 
 def _pixels(uri: str, mode: str, shape: tuple[int, ...]) -> Image:
     try:
         file = BytesIO(base64.b64decode(uri.removeprefix(PNG_URI), validate=True))
         with Picture.open(file, formats=("PNG",)) as picture:
-            if picture.size != (WIDTH, HEIGHT):
+            if picture.size != (shape[1], shape[0]):
                 raise ValueError(picture.size)
             pixels = np.array(picture.convert(mode))
     except (binascii.Error, OSError, SyntaxError, ValueError, Picture.DecompressionBombError):
         pixels = np.zeros(0, np.uint8)
     if pixels.shape != shape:
-        raise UserError(f"the goal is not a PNG picture of {WIDTH} x {HEIGHT} pixels")
+        raise UserError(f"the goal is not a PNG picture of {shape[1]} x {shape[0]} pixels")
     return pixels
 
 

@@ -13,9 +13,8 @@ import torch
 
 from evaps.dsl import UserError
 from evaps.models import Model
-from evaps.robots.base import EngineError
-from evaps.robots.doom import DoomRobot
-from evaps.synthesis import Budget, News, Solution, Watch, doom_team, memo_of, solve
+from evaps.robots.base import EngineError, Robot
+from evaps.synthesis import Budget, News, Solution, Watch, memo_of, solve, team_of_robots
 from evaps.tasks.task import Task
 from evaps.viewer import TaskReport
 from evaps.viewer.page import render_page
@@ -46,7 +45,7 @@ class Searches:
         self.pages: dict[str, str] = {}
         self._job: Job | None = None
         self._busy = Lock()
-        self._robots: list[DoomRobot] = []
+        self._robots: list[Robot] = []
 
     def begin(self, model: Model, task: Task, budget: Budget) -> Job:
         """Start a search.
@@ -89,7 +88,7 @@ class Searches:
     def _search(self, job: Job, model: Model, task: Task, budget: Budget) -> None:
         torch.set_num_threads(1)
         if not self._robots:
-            self._robots = doom_team()
+            self._robots = team_of_robots()
         memo = memo_of(self._robots)
         watch = Watch(lambda news: job.lines.put(news_json(news)), job.stopped.is_set)
         solution = solve(model, task, memo, budget=budget, watch=watch)

@@ -12,7 +12,7 @@ from evaps.synthesis.budget import USUAL_BUDGET, Budget
 from evaps.synthesis.enumeration import synthesize_by_enumeration
 from evaps.synthesis.repair import ROUNDS, synthesize_with
 from evaps.synthesis.solution import Attempt, Candidate, Solution
-from evaps.synthesis.team import SPARES, doom_team, memo_of
+from evaps.synthesis.team import SPARES, memo_of, team_of_robots
 from evaps.synthesis.verified import ALL_PARTS, Parts, synthesize_verified
 from evaps.synthesis.watch import NOBODY, News, Watch
 from evaps.tasks.task import Task
@@ -25,11 +25,11 @@ __all__ = [
     "News",
     "Solution",
     "Watch",
-    "doom_team",
     "memo_of",
     "solve",
     "synthesize",
     "synthesize_with",
+    "team_of_robots",
 ]
 
 
@@ -88,7 +88,7 @@ def synthesize(
         budget: what a verified search may cost.
         seed: of what is random in a search.
     """
-    robot = memo_of(doom_team())
+    robot = memo_of(team_of_robots())
     try:
         return solve(model, task, robot, top_k, rounds, budget, seed)
     finally:

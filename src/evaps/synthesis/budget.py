@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
+from evaps.domain import CHOSEN
 from evaps.robots.memo import MemoRobot
 
 
@@ -17,7 +18,7 @@ class Budget:
         seconds: on the clock.
     """
 
-    actions: int = 3_500
+    actions: int = CHOSEN.budget
     seconds: float = 8.0
 
 

@@ -6,17 +6,17 @@ from collections.abc import Sequence
 
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.base import Robot
-from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
+from evaps.robots.world import world
 from evaps.tasks.task import EXAMPLES
 
 SPARES = EXAMPLES - 1
 """Engines beside the first one: with them there is one for each scene."""
 
 
-def doom_team() -> list[DoomRobot]:
-    """As many engines; whoever makes them closes them."""
-    return [DoomRobot() for _ in range(1 + SPARES)]
+def team_of_robots() -> list[Robot]:
+    """As many robots of the domain; whoever makes them closes them."""
+    return [world().robot() for _ in range(1 + SPARES)]
 
 
 def memo_of(team: Sequence[Robot]) -> MemoRobot:

@@ -33,7 +33,12 @@ SHORTEST_WAY_BACK = 2  # actions that lead back to where they began
 LONGEST = 24  # actions in a path
 WAYS = 40  # to the goals of a scene, at most, that others learn from
 MOST_TIMES = 8  # that a part of a path is repeated
-UNDONE = [pair for a, b in AXES if b is not None for pair in ((a, b), (b, a))]
+UNDONE = [
+    pair
+    for axis in AXES
+    if axis.onwards is not None and axis.back is not None
+    for pair in ((axis.onwards, axis.back), (axis.back, axis.onwards))
+]
 
 Path = tuple[str, ...]
 

@@ -16,13 +16,14 @@ from itertools import combinations
 
 import numpy as np
 
-from evaps.dsl import Program
+from evaps.dsl import Action, Program
+from evaps.dsl.sampler import ACTIONS
 from evaps.models import Model
 from evaps.robots.base import Scene
 from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot
-from evaps.robots.scenes import random_scene
 from evaps.robots.together import run_together
+from evaps.robots.world import world
 from evaps.synthesis.budget import USUAL_BUDGET, Budget, Meter
 from evaps.synthesis.explain import Explainer, Limits, cost_of
 from evaps.synthesis.features import FeatureTable
@@ -39,7 +40,7 @@ MORE_LOOKS = 4  # times that it is looked around twice as long, if there is no p
 LARGER_BLOCKS = 6  # actions in a block, when programs with smaller ones explain nothing
 PARTIAL = Limits(work=100_000, programs=100, extra=8)  # for programs that explain some of the scenes
 SOME = Limits(work=100_000)
-NOTHING_FOUND = Program.parse("DEF run m( TURN_LEFT m)")
+NOTHING_FOUND = Program((Action(ACTIONS[-1]),))
 PROBES = 4  # further scenes on which programs are compared
 PROBED = 20  # programs that are
 DEARER = 1.5  # so many times less does a program count for each bit that it costs: 2 if the prior were exact
@@ -237,7 +238,7 @@ class _Search:
         if not solved:
             return list(others.values())[:top_k], 0.0, None
         rng = np.random.default_rng(seed)
-        scenes = [random_scene(rng) for _ in range(PROBES)] if len(solved) > 1 else []
+        scenes = [world().random_scene(rng) for _ in range(PROBES)] if len(solved) > 1 else []
         programs = [a.program for a in solved]
         ends = dict(zip(programs, self._ends(programs, scenes), strict=True))
         weights = {p: DEARER ** -cost_of(p) for p in programs}

@@ -12,11 +12,12 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from evaps.domain import CHOSEN, VARIABLE
 from evaps.dsl import Program
 from evaps.files import write_atomically
 from evaps.robots.base import Scene, WorldState
-from evaps.robots.doom import ROBOT
 from evaps.robots.frames import Observation
+from evaps.robots.world import world
 from evaps.tasks.files import read_table
 from evaps.tasks.frames import pack_frames, unpack_frames
 from evaps.tasks.manifest import FORMAT, PART, DatasetError, read_identity
@@ -152,9 +153,13 @@ class Dataset:
         if not (self.folder / "tasks.parquet").exists():
             raise DatasetError(f"{folder} holds no complete data set; make one with: evaps generate {folder}")
         self.identity = read_identity(self.folder)
-        for key, wanted in (("robot", ROBOT), ("format", FORMAT)):
-            if (found := self.identity.get(key)) != wanted:
-                raise DatasetError(f"{folder} has the {key} {found!r}, not {wanted!r}; generate it again")
+        if (robot := self.identity.get("robot")) != world().version:
+            raise DatasetError(
+                f"{folder} is of the robot {robot!r}, and this is the domain {CHOSEN.name} with "
+                f"{world().version!r}; set {VARIABLE} to the right one, or generate it again"
+            )
+        if (found := self.identity.get("format")) != FORMAT:
+            raise DatasetError(f"{folder} has the format {found!r}, not {FORMAT!r}; generate it again")
         self.rows = Rows(read_table(self.folder / "tasks.parquet", DatasetError))
         if len(self.rows) != (tasks := self.identity.get("tasks")):
             raise DatasetError(

@@ -1,4 +1,4 @@
-"""Doom's frames as they are stored in data sets, and as tensors."""
+"""A robot's frames as they are stored in data sets, and as tensors."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import torch
 import zstandard
 from torch import Tensor
 
-from evaps.robots.engine import HEIGHT, WIDTH, doom_palette
 from evaps.robots.frames import Observation, PaletteFrame, decompress, words_of
+from evaps.robots.world import world
 
 LEVEL = 5  # the twelve frames of a task: 93 KB in 3.7 ms; level 3: 95 KB in 1.8 ms; one by one: 123 KB
 
@@ -23,7 +23,7 @@ def _compressor() -> zstandard.ZstdCompressor:
 
 
 def pack_frames(frames: Sequence[Observation]) -> bytes:
-    """Frames of the Doom robot, compressed together and without loss.
+    """Frames of the domain's robot, compressed together and without loss.
 
     What is compressed is an array of bytes ``[2, frame, height, width]``: of each frame its indices into the
     palette, and then of each its depth.
@@ -31,25 +31,23 @@ def pack_frames(frames: Sequence[Observation]) -> bytes:
     Raises:
         ValueError: a frame is not held as palette indices.
     """
-    planes = np.empty((2, len(frames), HEIGHT, WIDTH), np.uint8)
+    planes = np.empty((2, len(frames), *world().size), np.uint8)
     for i, frame in enumerate(frames):
         if not isinstance(frame, PaletteFrame):
-            raise ValueError(
-                "only frames of the Doom robot, which are held as palette indices, can be packed"
-            )
+            raise ValueError("only frames that are held as palette indices can be packed")
         planes[0, i], planes[1, i] = frame.indices, frame.depth
     return _compressor().compress(planes.tobytes())
 
 
 def unpack_frames(packed: bytes) -> list[PaletteFrame]:
     """The inverse of :func:`pack_frames`."""
-    planes = decompress(packed).reshape(2, -1, HEIGHT, WIDTH)
-    return [PaletteFrame(indices, depth, doom_palette()) for indices, depth in zip(*planes, strict=True)]
+    planes, palette = decompress(packed).reshape(2, -1, *world().size), world().palette()
+    return [PaletteFrame(indices, depth, palette) for indices, depth in zip(*planes, strict=True)]
 
 
 def rgbd(frames: Sequence[PaletteFrame]) -> Tensor:
     """Colours and depth of frames as one tensor of bytes ``[frame, height, width, 4]``."""
-    out = np.empty((len(frames), HEIGHT, WIDTH), np.uint32)
+    out = np.empty((len(frames), *world().size), np.uint32)
     for target, frame in zip(out, frames, strict=True):  # one look-up a pixel instead of one a channel
         np.take(words_of(frame.palette), frame.indices, out=target, mode="clip")
     planes = out.view(np.uint8).reshape(*out.shape, 4)

@@ -13,7 +13,7 @@ from evaps.dsl.sampler import SamplerConfig, sample_program
 from evaps.robots.base import Scene, WorldState
 from evaps.robots.frames import Observation
 from evaps.robots.memo import MemoRobot, RememberedView
-from evaps.robots.scenes import random_scene
+from evaps.robots.world import world
 from evaps.tasks.questions import Asker, Endless, OpenProgram, Seen, Unanswered
 from evaps.tasks.task import EXAMPLES
 
@@ -62,7 +62,7 @@ def generate_task(seed: int, index: int, robot: MemoRobot, config: SamplerConfig
     conditionals = int(rng.choice(len(config.conditionals), p=config.conditionals))
     while True:
         robot.forget()
-        scenes = [random_scene(rng) for _ in range(SCENES)]
+        scenes = [world().random_scene(rng) for _ in range(SCENES)]
         for _ in range(PROGRAMS):
             program = sample_program(rng, config, conditionals=conditionals)
             most = min(Limits().actions, int(USUAL_STEPS / (1 - rng.random())))

@@ -57,7 +57,7 @@ def summarize(dataset: Dataset) -> Summary:
     kinds = ("IF", "IFELSE", "WHILE", "REPEAT", "not")
     control = {kind: sum(kind in found for found in words) for kind in kinds}
     control["none"] = sum(not found & {*kinds} for found in words)
-    asked = [set(map(" ".join, pairwise(tokens))) for tokens in programs]
+    asked = [{*tokens, *map(" ".join, pairwise(tokens))} for tokens in programs]
     splits = Counter(dataset.rows.column("split"))
     found = Counter(STEP_BUCKETS[min(n, 7) - 2] for n in steps)
     return Summary(

@@ -9,7 +9,7 @@ from typing import Any
 
 from evaps.dsl import UserError
 from evaps.files import write_atomically
-from evaps.robots.doom import ROBOT
+from evaps.robots.world import world
 from evaps.tasks.files import read_json
 
 FORMAT = 2
@@ -42,13 +42,15 @@ def write_identity(folder: Path, tasks: int, seed: int, part: int) -> None:
     Raises:
         DatasetError: it holds another data set, or other files.
     """
-    made_by = {"evaps": version("evaps"), "vizdoom": version("vizdoom")}
-    identity = {"format": FORMAT, "robot": ROBOT, "seed": seed, "tasks": tasks, **made_by}
+    made_by = {"evaps": version("evaps")}
+    if (engine := world().engine) is not None:
+        made_by[engine] = version(engine)
+    identity = {"format": FORMAT, "robot": world().version, "seed": seed, "tasks": tasks, **made_by}
     identity |= {"part": part} if part != PART else {}
     path = folder / "dataset.json"
     if path.exists():
         found = read_identity(folder)
-        for key in ("format", "robot", "vizdoom", "seed", "part"):
+        for key in ("format", "robot", *([engine] if engine else []), "seed", "part"):
             usual = PART if key == "part" else None
             there, wanted = found.get(key, usual), identity.get(key, usual)
             if there != wanted:

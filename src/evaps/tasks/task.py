@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from evaps.dsl import Program, UserError
 from evaps.robots.base import Scene, SceneError, WorldState
 from evaps.robots.frames import Image, Observation, RgbFrame
 from evaps.robots.noise import noisy
-from evaps.robots.scenes import validate
+from evaps.robots.world import world
 from evaps.tasks.files import read_json
 
 EXAMPLES = 5
@@ -117,17 +117,11 @@ def _write_examples(task: Task, folder: Path) -> None:
     (folder / "task.json").write_text(json.dumps({"format": FORMAT, "examples": entries}, indent=1) + "\n")
 
 
-def load_task(
-    folder: str | os.PathLike[str],
-    size: tuple[int, int] = (120, 160),
-    check_scene: Callable[[Scene], None] = validate,
-) -> Task:
-    """Read a task folder.
+def load_task(folder: str | os.PathLike[str]) -> Task:
+    """Read a task folder of this process's domain.
 
     Args:
         folder: where ``task.json`` and its images are.
-        size: height and width that the images must have.
-        check_scene: raises `SceneError` for a scene that the robot cannot be put into.
 
     Raises:
         TaskError: something is missing, unknown or of the wrong form; the message says where.
@@ -139,9 +133,7 @@ def load_task(
     examples = value["examples"]
     found = len(examples) if isinstance(examples, list) else "no list"
     _check(found == EXAMPLES, path, f"examples must be a list of {EXAMPLES}, found {found}")
-    return Task(
-        path.resolve().name, tuple(_example(path, i, e, size, check_scene) for i, e in enumerate(examples))
-    )
+    return Task(path.resolve().name, tuple(_example(path, i, e) for i, e in enumerate(examples)))
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -159,9 +151,7 @@ def _check(ok: bool, path: Path, message: str, value: dict[str, Any] | None = No
         raise TaskError(f"{path / 'task.json'}: {message}{found}")
 
 
-def _example(
-    path: Path, index: int, value: Any, size: tuple[int, int], check_scene: Callable[[Scene], None]
-) -> Example:
+def _example(path: Path, index: int, value: Any) -> Example:
     keys = {"scene", "goal_rgb", "goal_depth"}
     where = f"examples[{index}]"
     is_object = isinstance(value, dict)
@@ -172,9 +162,10 @@ def _example(
         _check(False, path, f"{where}: unknown key {key!r}; known are {', '.join(sorted(keys))}")
     try:
         scene = Scene.from_json(value["scene"])
-        check_scene(scene)
+        world().validate(scene)
     except SceneError as error:
         raise TaskError(f"{path / 'task.json'}: {where}.scene: {error}") from None
+    size = world().size
     rgb = _image(path, value["goal_rgb"], f"{where}.goal_rgb", (*size, 3))
     return Example(scene, RgbFrame(rgb, _image(path, value["goal_depth"], f"{where}.goal_depth", size)))
 

@@ -13,8 +13,8 @@ import pyarrow as pa
 from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.robots.base import Scene, WorldState
 from evaps.robots.memo import MemoRobot
-from evaps.robots.scenes import random_scene
 from evaps.robots.workers import Workers
+from evaps.robots.world import world
 from evaps.tasks.dataset import rows_bytes
 from evaps.tasks.files import read_table
 from evaps.tasks.frames import pack_frames
@@ -59,7 +59,7 @@ class WalkPart:
 def make_walks(robot: MemoRobot, part: WalkPart) -> Files:
     """Simulate the walks of a part."""
     rng = np.random.default_rng([part.seed, 1, part.number])  # 1: not the stream of any task
-    starts = part.starts or tuple((random_scene(rng), ()) for _ in range(PART))
+    starts = part.starts or tuple((world().random_scene(rng), ()) for _ in range(PART))
     return {part.path: rows_bytes([_walk(robot, start, rng) for start in starts], SCHEMA)}
 
 

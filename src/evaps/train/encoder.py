@@ -13,9 +13,12 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from evaps.domain import CHOSEN
+from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.models.compute import device
 from evaps.models.encoder import EncoderConfig, TransitionModel, Transitions
 from evaps.robots.base import Scene
+from evaps.robots.world import world
 from evaps.tasks.frames import rgbd, unpack_frames
 from evaps.tasks.task import EXAMPLES
 from evaps.tasks.walks import Walks, generate_walks
@@ -30,7 +33,9 @@ def train_encoder(run: Run) -> Path:
     """Learn the embedding space."""
     walks = find_walks(run)
     torch.manual_seed(run.seed)
-    model = TransitionModel(EncoderConfig()).to(device())
+    height, width = world().size
+    sizes = EncoderConfig(height=height, width=width, actions=len(ACTIONS), perceptions=len(PERCEPTION_KEYS))
+    model = TransitionModel(sizes).to(device())
     batches = WalkBatches(walks, run.scale.encoder_batch, run.seed)
     config = FitConfig(run.scale.encoder_steps, rate=1e-3, seed=run.seed, validate_every=500)
     metrics = fit(
@@ -89,7 +94,7 @@ def _change(
     before, after = poses[:, early], poses[:, late]
     heading = np.deg2rad(before[..., 2])
     turn = np.deg2rad(after[..., 2]) - heading
-    dx, dy = (after - before)[..., 0] / 100, (after - before)[..., 1] / 100
+    dx, dy = np.moveaxis((after - before)[..., :2] / (2.5 * CHOSEN.move), -1, 0)  # 1 is a middling way
     forward = dx * np.cos(heading) + dy * np.sin(heading)
     left = dy * np.cos(heading) - dx * np.sin(heading)
     spent = (ammo[:, early] - ammo[:, late]).astype(np.float32) / 4

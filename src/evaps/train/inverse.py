@@ -9,6 +9,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from evaps.domain import CHOSEN
 from evaps.dsl.sampler import ACTIONS
 from evaps.files import write_atomically
 from evaps.models import load_encoder
@@ -24,7 +25,6 @@ from evaps.train.encoder import HELD_OUT, find_walks
 from evaps.train.loop import FitConfig, Share, fit
 from evaps.train.run import Run
 
-MOVE = 40.0  # map units; a move ahead is 39.4, one to the side 41.0
 BATCH = 32  # walks, with 45 pairs each
 EMBEDDED_TOGETHER = 32  # walks
 
@@ -78,18 +78,19 @@ def walk_features(run: Run, walks: Walks) -> npt.NDArray[np.float16]:
 
 
 def signed_counts(walks: Walks) -> npt.NDArray[np.float64]:
-    """What has happened since the start of each walk, at each time: ``[walk, time, 5]``.
+    """What has happened since the start of each walk, at each time: ``[walk, time, axis + 3]``.
 
-    Turns and shots as they were done, and the place in moves. Where a way was blocked the place says so,
-    and the actions would not: it is how far it got that can be seen.
+    On each axis the actions that were done, and then the place in moves and the heading in radians.
     """
-    index = {action: i for i, action in enumerate(ACTIONS)}
-    done = np.eye(len(ACTIONS))[walks.actions].cumsum(1)
-    done = np.concatenate([np.zeros_like(done[:, :1]), done], 1)
-    turns = done[..., index["TURN_LEFT"]] - done[..., index["TURN_RIGHT"]]
-    places = walks.poses[..., :2] / MOVE
-    heading = np.deg2rad(walks.poses[..., 2:])
-    return np.concatenate([turns[..., None], done[..., index["ATTACK"], None], places, heading], -1)
+    one_hot = np.eye(len(ACTIONS))[walks.actions]
+    done = np.concatenate([np.zeros_like(one_hot[:, :1]), one_hot.cumsum(1)], 1)
+
+    def times(action: str | None) -> npt.NDArray[np.float64]:
+        return done[..., ACTIONS.index(action)] if action else np.zeros(done.shape[:2])
+
+    counted = np.stack([times(axis.onwards) - times(axis.back) for axis in AXES], -1)
+    places, heading = walks.poses[..., :2] / CHOSEN.move, np.deg2rad(walks.poses[..., 2:])
+    return np.concatenate([counted, places, heading], -1)
 
 
 def pairs_of(
@@ -98,12 +99,14 @@ def pairs_of(
     """All (earlier, later) observations of walks, and what happened in between, as counts on ``AXES``."""
     length = features.shape[1]
     early, late = np.array([(i, j) for i in range(length) for j in range(i, length)]).T
-    before, after = counts[:, early], counts[:, late]
-    turns, shots, x, y, _ = np.moveaxis(after - before, -1, 0)
-    heading = before[..., 4]
-    ahead = x * np.cos(heading) + y * np.sin(heading)
-    left = y * np.cos(heading) - x * np.sin(heading)
-    wanted = np.rint(np.stack([turns, ahead, left, shots], -1)).astype(np.int64).reshape(-1, len(AXES))
+    before, change = counts[:, early], counts[:, late] - counts[:, early]
+    x, y, heading = change[..., -3], change[..., -2], before[..., -1]
+    moved = {
+        "ahead": x * np.cos(heading) + y * np.sin(heading),
+        "left": y * np.cos(heading) - x * np.sin(heading),
+    }
+    axes = [moved.get(axis.measured, change[..., i]) for i, axis in enumerate(AXES)]
+    wanted = np.rint(np.stack(axes, -1)).astype(np.int64).reshape(-1, len(AXES))
     seen = [features[:, times].reshape(-1, features.shape[-1]) for times in (early, late)]
     tensors = [torch.from_numpy(rows.astype(np.float32)).to(device()) for rows in seen]
     return tensors[0], tensors[1], torch.from_numpy(wanted).to(device())

@@ -9,9 +9,9 @@ import numpy as np
 from evaps.dsl import Program
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.base import Scene, WorldState, state_match
-from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.together import run_together
+from evaps.robots.world import world
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.task import EXAMPLES
 
@@ -27,7 +27,7 @@ class Judge:
 
     def __init__(self, dataset: Dataset) -> None:
         self._dataset = dataset
-        self._robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS, eager=False, budget=FRAME_BUDGET)
+        self._robot = MemoRobot(world().robot(), PERCEPTION_KEYS, eager=False, budget=FRAME_BUDGET)
         self._verdicts: dict[tuple[int, Program], np.ndarray[tuple[int], np.dtype[np.bool_]]] = {}
 
     def semantic(self, position: int, program: Program) -> bool:

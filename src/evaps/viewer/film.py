@@ -18,7 +18,7 @@ from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.files import write_atomically
 from evaps.robots.base import Robot, Scene, WorldState
 from evaps.robots.frames import Observation
-from evaps.robots.wad import ARENA_X, ARENA_Y
+from evaps.robots.world import world
 
 VIEW = (320, 240)  # pixels of the robot's view
 MAP = (320, 224)  # a half of the arena's size in map units
@@ -173,8 +173,8 @@ def _map(states: Sequence[WorldState]) -> Picture.Image:
 
 
 def _place(x: float, y: float) -> tuple[float, float]:
-    across = (x - ARENA_X[0]) / (ARENA_X[1] - ARENA_X[0])
-    down = (ARENA_Y[1] - y) / (ARENA_Y[1] - ARENA_Y[0])
+    (west, east), (south, north) = world().x, world().y
+    across, down = (x - west) / (east - west), (north - y) / (north - south)
     return across * MAP[0], down * MAP[1]
 
 

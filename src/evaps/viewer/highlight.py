@@ -9,11 +9,14 @@ from evaps.dsl.syntax import PYTHON_FORM
 
 _KIND_OF_TERMINAL = {
     "ACTION": "action",
-    "PERCEPTION_CALL": "perception",
+    "PERCEPTION": "perception",
+    "SENSE": "perception",
     "THING": "constant",
     "TIMES": "constant",
 }
-_KINDS = {word: kind for terminal, kind in _KIND_OF_TERMINAL.items() for word in PYTHON_FORM.words[terminal]}
+_KINDS = {
+    word: kind for name, kind in _KIND_OF_TERMINAL.items() for word in PYTHON_FORM.spelling[name].values()
+}
 
 
 def python_spans(line: str) -> Iterator[tuple[str, str]]:
