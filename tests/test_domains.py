@@ -153,6 +153,7 @@ def test_a_task_is_made_learned_from_and_solved(name: str, program: str, tmp_pat
         "doom", "-m", "evaps", "synthesize", ROOT / "examples/tasks/turn-and-shoot", "--model", runs
     )
     assert elsewhere.returncode == 2
+    assert f"is of the domain '{name}', and this is 'doom'; set EVAPS_DOMAIN={name}" in elsewhere.stderr
     assert elsewhere.stderr.count("\n") == 1
 
 

@@ -9,7 +9,7 @@ from PIL import Image as Picture
 from evaps.dsl import Program, UserError, run
 from evaps.robots.base import Pose, Scene, Thing
 from evaps.robots.memo import MemoRobot
-from evaps.viewer.film import MARGIN, MARK, VIEW, record, save_film
+from evaps.viewer.film import MARGIN, MARK, WIDTH, record, save_film
 
 PROGRAM = Program.parse(
     "DEF run m( IF c( ISTHERE Demon c) i( MOVE_LEFT i) "
@@ -46,7 +46,7 @@ def test_every_moment_is_in_the_film(robot: MemoRobot, tmp_path: Path, name: str
     shown = np.asarray(first)
     assert (shown == MARK).all(-1).any(), "a line is marked"
     if name.endswith("png"):
-        view = shown[MARGIN + 18 : MARGIN + 18 + VIEW[1] : 2, MARGIN : MARGIN + VIEW[0] : 2]
+        view = shown[MARGIN + 18 : MARGIN + 18 + 240 : 2, MARGIN : MARGIN + WIDTH : 2]
         assert np.array_equal(view, moments[0].view.rgb)
 
 

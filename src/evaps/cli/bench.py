@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 
 from evaps.cli.command import Command
 from evaps.cli.inputs import File, check_writable
+from evaps.domain import CHOSEN, DOOM, VARIABLE
 from evaps.dsl import UserError
 
 
@@ -27,6 +28,8 @@ class Bench(Command):
 
     def run(self) -> None:
         """Measure, and print a table."""
+        if CHOSEN is not DOOM:
+            raise UserError(f"bench measures the domain doom, not {CHOSEN.name}; unset {VARIABLE}")
         if not self.seconds > 0:
             raise UserError(f"--seconds must be more than 0, not {self.seconds:g}")
         if self.out is not None:

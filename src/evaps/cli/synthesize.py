@@ -12,7 +12,7 @@ from tyro.conf import Positional
 
 from evaps.cli.command import Command
 from evaps.cli.inputs import File, check_least, check_writable, writing
-from evaps.domain import CHOSEN
+from evaps.domain import CHOSEN, DOOM
 from evaps.dsl import UserError
 
 if TYPE_CHECKING:
@@ -100,7 +100,11 @@ class Demo(Command):
 
         folders = shipped_tasks()
         if not folders:
-            raise UserError(f"there are no tasks in {SHIPPED_TASKS[0]}; install evaps again")
+            raise UserError(
+                f"there are no tasks in {SHIPPED_TASKS[0]}; install evaps again"
+                if CHOSEN is DOOM
+                else f"no tasks of the domain {CHOSEN.name} are shipped; make some with: evaps generate"
+            )
         check_writable(self.out)
         reports = []
         for report in solve_all([load_task(folder) for folder in folders], load_model()):
@@ -112,7 +116,9 @@ class Demo(Command):
 
 
 def shipped_tasks() -> list[Path]:
-    """The task folders that come with evaps."""
+    """The task folders that come with evaps; they are of the Doom robot."""
+    if CHOSEN is not DOOM:
+        return []
     return sorted(path.parent for root in SHIPPED_TASKS for path in root.glob("*/task.json"))
 
 

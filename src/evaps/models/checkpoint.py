@@ -14,6 +14,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
+from evaps.domain import CHOSEN, DOOM, VARIABLE
 from evaps.dsl import VOCAB, UserError
 from evaps.files import write_atomically
 
@@ -40,6 +41,7 @@ def save_checkpoint(folder: Path, model: Any, name: str, facts: dict[str, Any]) 
         "format": FORMAT,
         "method": name,
         "config": asdict(model.config),
+        "domain": CHOSEN.name,
         "vocabulary": list(VOCAB.tokens),
     }
     text = json.dumps({**config, "facts": facts}, indent=1) + "\n"
@@ -62,6 +64,11 @@ def read_config(folder: Path, name: str) -> dict[str, Any]:
         raise CheckpointError(f"{folder} holds no checkpoint of {name}: {error}") from None
     if not isinstance(config, dict):
         raise CheckpointError(f"{folder} holds no checkpoint of {name}: config.json is no object")
+    if (domain := config.get("domain", DOOM.name)) != CHOSEN.name:
+        raise CheckpointError(
+            f"{folder} is of the domain {domain!r}, and this is {CHOSEN.name!r}; set {VARIABLE}={domain}, "
+            "or train one"
+        )
     for key, wanted in (("format", FORMAT), ("method", name), ("vocabulary", list(VOCAB.tokens))):
         if config.get(key) != wanted:
             found = "of another language" if key == "vocabulary" else f"{config.get(key)!r}, not {wanted!r}"

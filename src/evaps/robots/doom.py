@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any, TypeVar
 
-from evaps.robots.base import EngineError, Pose, Robot, Scene, ThingState, WorldState
+from evaps.robots.base import EngineError, Pose, Robot, Scene, Thing, ThingState, WorldState
 from evaps.robots.engine import BUTTONS, HEIGHT, MEMORY_LIMIT, TIME_LIMIT, WIDTH, Engine, doom_palette
 from evaps.robots.frames import Observation, PaletteFrame
 from evaps.robots.scenes import ANY_Y, ROBOT_X, THING_X, random_scene, validate
@@ -290,5 +290,6 @@ WORLD = World(
     y=ARENA_Y,
     radii={**RADII, "robot": ROBOT_RADIUS},
     places={"robot": (ROBOT_X, ANY_Y), "things": (THING_X, ANY_Y)},
+    start=Scene(Pose(-300, 288, 0), (Thing("Demon", -100, 300),)),
 )
 """The arena, for everything that works in any domain."""

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.domain import DOOM
 from evaps.robots.base import Scene, SceneError
 from evaps.robots.doom import TICS, DoomRobot
 from evaps.robots.engine import HEIGHT, WIDTH
@@ -18,6 +18,7 @@ from evaps.robots.scenes import random_scene
 
 ACTIONS = tuple(TICS)
 """The name of each action, by its number."""
+PERCEPTIONS = tuple(f"{name} {thing}" for name in sorted(DOOM.perceptions) for thing in sorted(DOOM.things))
 
 
 class DoomEnv(gymnasium.Env[dict[str, Any], Any]):
@@ -138,4 +139,4 @@ class DoomEnv(gymnasium.Env[dict[str, Any], Any]):
         return {"rgb": view.rgb.copy(), "depth": view.depth.copy()}
 
     def _info(self) -> dict[str, Any]:
-        return {"perceptions": {key: self._robot.perceive(key) for key in PERCEPTION_KEYS}}
+        return {"perceptions": {key: self._robot.perceive(key) for key in PERCEPTIONS}}

@@ -37,6 +37,7 @@ class World:
         radii: for maps: of each kind of thing, and of the ``robot``.
         places: where on the map the ``robot`` and ``things`` may be put, ``(x, y)``; all of it if not given.
         headings: degrees between two directions that the robot may look in.
+        start: the scene that the studio begins with; a random one if not given.
     """
 
     version: str
@@ -51,6 +52,7 @@ class World:
     radii: Mapping[str, float] = field(default_factory=lambda: {"robot": 0.5})
     places: Mapping[str, tuple[Range, Range]] = field(default_factory=dict)
     headings: int = 1
+    start: Scene | None = None
 
 
 @cache

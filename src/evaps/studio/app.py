@@ -19,12 +19,12 @@ from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from starlette.exceptions import HTTPException
 
 from evaps.dsl import Program, UserError
-from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.models import Model, load_model
 from evaps.robots.base import EngineError
 from evaps.robots.world import world
 from evaps.studio import forms
 from evaps.studio.engines import Engines
+from evaps.studio.facts import facts_of
 from evaps.studio.guard import guard
 from evaps.studio.search import Job, Searches, lines_of
 from evaps.synthesis import Budget
@@ -73,19 +73,7 @@ def create_app(
 
     @app.get("/api/facts")
     def facts() -> dict[str, Any]:
-        here = world()
-        anywhere = (here.x, here.y)
-        return {
-            "arena": {"x": here.x, "y": here.y},
-            "places": {who: here.places.get(who, anywhere) for who in ("robot", "things")},
-            "radii": here.radii,
-            "headings": here.headings,
-            "actions": ACTIONS,
-            "perceptions": PERCEPTION_KEYS,
-            "methods": METHODS,
-            "examples": EXAMPLES,
-            "tasks": sorted(folders),
-        }
+        return {**facts_of(world()), "methods": METHODS, "examples": EXAMPLES, "tasks": sorted(folders)}
 
     @app.get("/api/health")
     def health() -> dict[str, int]:

@@ -20,8 +20,7 @@ from evaps.robots.base import Robot, Scene, WorldState
 from evaps.robots.frames import Observation
 from evaps.robots.world import world
 
-VIEW = (320, 240)  # pixels of the robot's view
-MAP = (320, 224)  # a half of the arena's size in map units
+WIDTH = 320  # pixels of the robot's view, and of the map
 CODE = 320  # pixels of the column with the program
 MARGIN = 12
 LINE = 18
@@ -110,6 +109,16 @@ def check_film(path: Path) -> None:
         raise UserError(f"a film must end in .gif or .png, not {path.name!r}")
 
 
+def _view_size() -> tuple[int, int]:
+    height, width = world().size
+    return WIDTH, WIDTH * height // width
+
+
+def _map_size() -> tuple[int, int]:
+    (west, east), (south, north) = world().x, world().y
+    return WIDTH, round(WIDTH * (north - south) / (east - west))
+
+
 def _strip(pictures: Sequence[Picture.Image]) -> Picture.Image:
     width, height = pictures[0].size
     strip = Picture.new("RGB", (width, height * len(pictures)), PAPER)
@@ -121,14 +130,15 @@ def _strip(pictures: Sequence[Picture.Image]) -> Picture.Image:
 def draw(program: Program, moments: Sequence[Moment], time: int) -> Picture.Image:
     """The picture of one moment: view, map, program and perceptions."""
     moment = moments[time]
-    left, right = MARGIN, 2 * MARGIN + VIEW[0]
-    top, middle = MARGIN + LINE, 2 * MARGIN + LINE + VIEW[1]
+    view = _view_size()
+    left, right = MARGIN, 2 * MARGIN + WIDTH
+    top, middle = MARGIN + LINE, 2 * MARGIN + LINE + view[1]
     lines = len(program.python_lines) + len(PERCEPTION_KEYS) + 3
-    height = max(middle + MAP[1] + MARGIN, top + lines * LINE + MARGIN)
+    height = max(middle + _map_size()[1] + MARGIN, top + lines * LINE + MARGIN)
     picture = Picture.new("RGB", (right + CODE + MARGIN, height), PAPER)
     pen = ImageDraw.Draw(picture)
     pen.text((left, MARGIN - 4), f"after {time} of {len(moments) - 1} actions", INK, _font())
-    picture.paste(Picture.fromarray(moment.view.rgb).resize(VIEW, Picture.Resampling.NEAREST), (left, top))
+    picture.paste(Picture.fromarray(moment.view.rgb).resize(view, Picture.Resampling.NEAREST), (left, top))
     picture.paste(_map([m.state for m in moments[: time + 1]]), (left, middle))
     _write(pen, program, moment, (right, top))
     return picture
@@ -153,9 +163,10 @@ def _write(pen: ImageDraw.ImageDraw, program: Program, moment: Moment, at: tuple
 
 def _map(states: Sequence[WorldState]) -> Picture.Image:
     """The arena from above, north up: the robot, the way that it came, and the things."""
-    picture = Picture.new("RGB", MAP, (236, 236, 230))
+    width, height = _map_size()
+    picture = Picture.new("RGB", (width, height), (236, 236, 230))
     pen = ImageDraw.Draw(picture)
-    pen.rectangle((0, 0, MAP[0] - 1, MAP[1] - 1), outline=INK)
+    pen.rectangle((0, 0, width - 1, height - 1), outline=INK)
     way = [_place(state.robot.x, state.robot.y) for state in states]
     if len(way) > 1:
         pen.line(way, fill=ROBOT, width=1)
@@ -175,7 +186,8 @@ def _map(states: Sequence[WorldState]) -> Picture.Image:
 def _place(x: float, y: float) -> tuple[float, float]:
     (west, east), (south, north) = world().x, world().y
     across, down = (x - west) / (east - west), (north - y) / (north - south)
-    return across * MAP[0], down * MAP[1]
+    width, height = _map_size()
+    return across * width, down * height
 
 
 def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:

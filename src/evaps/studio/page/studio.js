@@ -2,18 +2,14 @@
 "use strict";
 
 const $ = (id) => document.getElementById(id);
-const STEP = 8, FAR = 32, TURN = 15; // map units and degrees a key press
-const KEYS = {
-  w: "MOVE_FORWARD", s: "MOVE_BACKWARD", a: "MOVE_LEFT", d: "MOVE_RIGHT",
-  q: "TURN_LEFT", e: "TURN_RIGHT", " ": "ATTACK",
-};
-const WORDS = { MOVE_FORWARD: "ahead", MOVE_BACKWARD: "back", MOVE_LEFT: "left", MOVE_RIGHT: "right",
-  TURN_LEFT: "turn left", TURN_RIGHT: "turn right", ATTACK: "shoot" };
-const BUTTONS = ["TURN_LEFT", "MOVE_FORWARD", "TURN_RIGHT", "MOVE_LEFT", "MOVE_BACKWARD", "MOVE_RIGHT", "ATTACK"];
+const WIDE = 640; // the map, in the units of its picture
+const TURN = 15; // degrees a key press, if the robot can stand like that
 
 let facts;
+let keys = {};  // of the keyboard, and the actions that they are for
+let words = {}; // of the actions, for people
 const state = {
-  scene: { robot: { x: -300, y: 288, heading: 0 }, things: [{ kind: "Demon", x: -100, y: 300 }] },
+  scene: null,
   driven: [],      // actions, if the robot is driven by hand
   byHand: true,
   run: null,       // what /api/run said of the current scene
@@ -104,38 +100,43 @@ function shape(name, attributes, parent) {
   return made;
 }
 
-const across = (x) => x - facts.arena.x[0];
-const down = (y) => facts.arena.y[1] - y;
+const span = ([low, high]) => high - low;
+const scale = () => WIDE / span(facts.arena.x);
+const across = (x) => (x - facts.arena.x[0]) * scale();
+const down = (y) => (facts.arena.y[1] - y) * scale();
+const step = () => Math.max(1, Math.round(span(facts.arena.x) / 80)); // a key press, in units of the world
 
 function drawMap(keep) {
   const map = $("map");
-  map.setAttribute("viewBox", `0 0 ${facts.arena.x[1] - facts.arena.x[0]} ${facts.arena.y[1] - facts.arena.y[0]}`);
+  map.setAttribute("viewBox", `0 0 ${WIDE} ${span(facts.arena.y) * scale()}`);
   map.replaceChildren();
   const moments = state.run?.moments.slice(0, state.time + 1) ?? [];
   const now = moments.at(-1)?.state;
+  const there = (moment, thing) => moment.things.some((t) => t.alive && t.kind === thing.kind && near(t, thing));
   if (moments.length > 1) {
     const way = moments.map((m) => `${across(m.state.x)},${down(m.state.y)}`).join(" ");
     shape("polyline", { class: "way", points: way }, map);
     marker(map, now.x, now.y, now.heading, "ghost");
   }
   state.scene.things.forEach((thing, index) => {
-    const gone = now && !now.things.some((t) => t.alive && t.kind === thing.kind && near(t, thing));
+    const gone = now && there(moments[0].state, thing) && !there(now, thing);
     const group = item(map, thing, `${thing.kind} ${index + 1}`, gone);
-    shape("circle", { class: `body ${thing.kind}`, r: facts.radii[thing.kind] }, group);
-    shape("text", { y: 5, "text-anchor": "middle" }, group).textContent = thing.kind;
+    shape("circle", { class: `body ${thing.kind}`, r: facts.radii[thing.kind] * scale() }, group);
+    if (facts.radii[thing.kind] * scale() > 15) // else it would cover its neighbours
+      shape("text", { y: 5, "text-anchor": "middle" }, group).textContent = thing.kind;
   });
   const robot = item(map, state.scene.robot, `The robot, heading ${state.scene.robot.heading} degrees`, false);
-  shape("circle", { class: "body robot", r: facts.radii.robot }, robot);
+  shape("circle", { class: "body robot", r: facts.radii.robot * scale() }, robot);
   const angle = (state.scene.robot.heading * Math.PI) / 180;
   shape("line", { x2: 40 * Math.cos(angle), y2: -40 * Math.sin(angle), stroke: "var(--accent)", "stroke-width": 6 }, robot);
   if (keep !== undefined) map.querySelectorAll(".thing")[keep]?.focus();
 }
 
-const near = (a, b) => Math.hypot(a.x - b.x, a.y - b.y) < 2;
+const near = (a, b) => Math.hypot(a.x - b.x, a.y - b.y) <= facts.tolerance;
 
 function marker(map, x, y, heading, name) {
   const angle = (heading * Math.PI) / 180;
-  shape("circle", { class: name, cx: across(x), cy: down(y), r: facts.radii.robot }, map);
+  shape("circle", { class: name, cx: across(x), cy: down(y), r: facts.radii.robot * scale() }, map);
   shape("line", { class: name, x1: across(x), y1: down(y), x2: across(x) + 34 * Math.cos(angle), y2: down(y) - 34 * Math.sin(angle) }, map);
 }
 
@@ -152,8 +153,9 @@ const isRobot = (place) => place === state.scene.robot;
 const clamp = (value, [low, high]) => Math.min(high, Math.max(low, Math.round(value)));
 
 function move(place, x, y) {
-  place.x = clamp(x, isRobot(place) ? facts.places.robot : facts.places.things);
-  place.y = clamp(y, facts.places.y);
+  const [wide, high] = isRobot(place) ? facts.places.robot : facts.places.things;
+  place.x = clamp(x, wide);
+  place.y = clamp(y, high);
 }
 
 function drag(event, place) {
@@ -161,7 +163,7 @@ function drag(event, place) {
   const map = $("map");
   const to = (e) => {
     const point = new DOMPoint(e.clientX, e.clientY).matrixTransform(map.getScreenCTM().inverse());
-    move(place, point.x + facts.arena.x[0], facts.arena.y[1] - point.y);
+    move(place, point.x / scale() + facts.arena.x[0], facts.arena.y[1] - point.y / scale());
     drawMap();
   };
   const end = () => {
@@ -173,12 +175,13 @@ function drag(event, place) {
 }
 
 function onKey(event, place) {
-  const far = event.shiftKey ? FAR : STEP;
+  const far = step() * (event.shiftKey ? 4 : 1);
+  const turn = Math.max(TURN, facts.headings);
   const moves = { ArrowLeft: [-far, 0], ArrowRight: [far, 0], ArrowUp: [0, far], ArrowDown: [0, -far] };
   const index = isRobot(place) ? state.scene.things.length : state.scene.things.indexOf(place);
   if (event.key in moves) move(place, place.x + moves[event.key][0], place.y + moves[event.key][1]);
   else if (isRobot(place) && (event.key === "[" || event.key === "]"))
-    place.heading = (place.heading + (event.key === "[" ? TURN : 360 - TURN)) % 360;
+    place.heading = (place.heading + (event.key === "[" ? turn : 360 - turn)) % 360;
   else if (!isRobot(place) && (event.key === "Delete" || event.key === "Backspace")) state.scene.things.splice(index, 1);
   else return;
   event.preventDefault();
@@ -189,14 +192,19 @@ function onKey(event, place) {
 /** A free place for a new thing, looked for on a grid. */
 function add(kind) {
   const others = [{ kind: "robot", ...state.scene.robot }, ...state.scene.things];
-  const free = (x, y) => others.every((o) => Math.max(Math.abs(o.x - x), Math.abs(o.y - y)) > facts.radii[o.kind] + facts.radii[kind] + 4);
-  for (let y = 288, i = 0; i < 24; i++, y = facts.places.y[0] + ((y - facts.places.y[0] + 64) % 384))
-    for (let x = -64; x >= facts.places.things[0]; x -= 64)
+  const free = (x, y) => others.every((o) => Math.max(Math.abs(o.x - x), Math.abs(o.y - y)) > facts.radii[o.kind] + facts.radii[kind] + 4 / scale());
+  const [wide, high] = facts.places.things;
+  const apart = Math.max(1, Math.round(span(facts.arena.x) / 10));
+  const first = { x: Math.round(wide[1] - 0.3125 * span(wide)), y: Math.round((high[0] + high[1]) / 2) };
+  for (let i = 0; i * apart < span(high); i++) {
+    const y = high[0] + ((first.y - high[0] + i * apart) % span(high));
+    for (let x = first.x; x >= wide[0]; x -= apart)
       if (free(x, y)) {
         state.scene.things.push({ kind, x, y });
         sceneChanged();
         return;
       }
+  }
   say("There is no room for another one.");
 }
 
@@ -214,13 +222,13 @@ function drawMoment() {
     const chip = document.createElement("li");
     const is = moment.perceived.includes(key);
     chip.className = is ? "true" : "";
-    chip.textContent = `${key.replace("ISTHERE", "is there").replace("INTARGET", "in target")}: ${is ? "yes" : "no"}`;
+    chip.textContent = `${facts.words[key]}: ${is ? "yes" : "no"}`;
     return chip;
   }));
   const action = state.run.actions?.[state.time];
   const ending = state.run.halted === false ? "stopped: too many steps" : "the end";
-  $("now").textContent = action ? `next: ${WORDS[action]}` : moments.length > 1 ? ending : "";
-  $("driven").textContent = state.driven.map((a) => WORDS[a]).join(", ") || "nothing yet";
+  $("now").textContent = action ? `next: ${words[action]}` : moments.length > 1 ? ending : "";
+  $("driven").textContent = state.driven.map((a) => words[a]).join(", ") || "nothing yet";
   enable();
   drawLines(moment.lines);
   drawMap();
@@ -480,7 +488,7 @@ function listen() {
   $("drive").addEventListener("keydown", safely(async (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.key === "Backspace") { event.preventDefault(); state.driven.pop(); await refresh(); return; }
-    const action = KEYS[event.key.toLowerCase()];
+    const action = keys[event.key.toLowerCase()];
     if (!action || (event.key === " " && event.target.id !== "")) return; // space presses other buttons
     event.preventDefault();
     await drive(action);
@@ -489,17 +497,18 @@ function listen() {
 
 async function begin() {
   facts = await askJson("api/facts");
+  state.scene = facts.scene;
+  keys = Object.fromEntries(facts.keys);
+  words = facts.words;
+  $("known-keys").textContent = facts.keys.map(([key, action]) => `${key === " " ? "Space" : key.toUpperCase()} ${words[action]}`).join(", ");
   const kinds = Object.keys(facts.radii).filter((kind) => kind !== "robot");
   $("palette").append(...kinds.map((kind) => button(`+ ${kind}`, () => add(kind))));
-  $("buttons").append(...BUTTONS.map((action) => button(WORDS[action], () => drive(action))));
-  $("known-actions").textContent = facts.actions.map((a) => `${a.toLowerCase()}()`).join(" ");
-  $("known-conditions").textContent = facts.perceptions.map((key) => {
-    const [name, thing] = key.split(" ");
-    return `${name === "ISTHERE" ? "is_there" : "in_target"}(${thing})`;
-  }).join(" ");
+  $("buttons").append(...facts.keys.map(([, action]) => button(words[action], () => drive(action))));
+  $("known-actions").textContent = facts.calls.actions.join(" ");
+  $("known-conditions").textContent = facts.calls.conditions.join(" ");
   $("tasks").append(...facts.tasks.map((name) => new Option(name, name)));
   $("method").append(...facts.methods.map((name) => new Option(name, name)));
-  $("code").value = "def run():\n    while not in_target(Demon):\n        turn_left()\n    attack()\n";
+  $("code").value = facts.program;
   listen();
   drawExamples();
   drawMap();

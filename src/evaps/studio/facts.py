@@ -1,0 +1,55 @@
+"""What the page has to know of the domain: its map, its words, and which keys drive the robot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from evaps.domain import CHOSEN, DOOM
+from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS, PERCEPTIONS
+from evaps.robots.world import World
+
+DOOM_KEYS = {
+    "q": ("TURN_LEFT", "turn left"),
+    "w": ("MOVE_FORWARD", "ahead"),
+    "e": ("TURN_RIGHT", "turn right"),
+    "a": ("MOVE_LEFT", "left"),
+    "s": ("MOVE_BACKWARD", "back"),
+    "d": ("MOVE_RIGHT", "right"),
+    " ": ("ATTACK", "shoot"),
+}
+
+
+def facts_of(here: World) -> dict[str, Any]:
+    """The facts about a world, as JSON values; ``keys`` are in the order of the buttons."""
+    anywhere = (here.x, here.y)
+    keys = {key: action for key, (action, _) in DOOM_KEYS.items()}
+    words = dict(DOOM_KEYS.values())
+    if CHOSEN is not DOOM:
+        keys = {str(number): action for number, action in enumerate(ACTIONS, 1)}
+        words = {action: _read_aloud(action) for action in ACTIONS}
+    actions = [f"{CHOSEN.spelt(action)}()" for action in ACTIONS]
+    conditions = [f"{CHOSEN.spelt(p.name)}({p.thing or ''})" for p in PERCEPTIONS]
+    program = f"def run():\n    if {conditions[0]}:\n        {actions[0]}\n"
+    if CHOSEN is DOOM:
+        program = "def run():\n    while not in_target(Demon):\n        turn_left()\n    attack()\n"
+    start = here.start or here.random_scene(np.random.default_rng(0))
+    return {
+        "arena": {"x": here.x, "y": here.y},
+        "places": {who: here.places.get(who, anywhere) for who in ("robot", "things")},
+        "radii": here.radii,
+        "headings": here.headings,
+        "tolerance": CHOSEN.tolerance,
+        "scene": start.to_json(),
+        "perceptions": PERCEPTION_KEYS,
+        "keys": list(keys.items()),
+        "words": {**words, **{key: " ".join(map(_read_aloud, key.split(" "))) for key in PERCEPTION_KEYS}},
+        "calls": {"actions": actions, "conditions": conditions},
+        "program": program,
+    }
+
+
+def _read_aloud(word: str) -> str:
+    """A word of the language in human words; a thing keeps its name."""
+    return word if word in CHOSEN.things else CHOSEN.spelt(word).replace("_", " ")
