@@ -8,7 +8,7 @@ examples; beside it stands whether it generalizes, and the hidden program, which
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,9 +17,9 @@ import torch
 import tyro
 
 from evaps.evaluate import BUDGET, match
-from evaps.models import load_model
+from evaps.models import Model, load_model
 from evaps.report.names import name_of
-from evaps.robots.doom import DoomRobot
+from evaps.robots.base import Robot
 from evaps.synthesis import memo_of, solve, team_of_robots
 from evaps.tasks.dataset import Dataset, gold_task
 from evaps.tasks.task import GoldTask
@@ -57,11 +57,11 @@ def drawn(dataset: Dataset, tasks: int, seed: int) -> Iterator[GoldTask]:
         yield gold_task(dataset.rows[position], frames)
 
 
-def answers(gold: GoldTask, gallery: Gallery, robots: Sequence[DoomRobot]) -> Iterator[TaskReport]:
+def answers(gold: GoldTask, models: Mapping[str, Model], robots: Sequence[Robot]) -> Iterator[TaskReport]:
     """Each method's answer to a task, from a robot that remembers nothing."""
-    for method in gallery.methods:
+    for method, model in models.items():
         memo = memo_of(robots)
-        solution = solve(load_model(gallery.model, method), gold.task, memo, budget=BUDGET)
+        solution = solve(model, gold.task, memo, budget=BUDGET)
         found = match(solution.program, gold, memo)
         notes = {
             "Sixth scene, too": "generalizes" if found.generalization_state else "does not generalize",
@@ -78,10 +78,11 @@ def main(gallery: Gallery) -> None:
     plan = Plan()
     make_data(plan)
     robots = team_of_robots()
+    models = {method: load_model(gallery.model, method) for method in gallery.methods}
     reports = [
         report
         for gold in drawn(Dataset(plan.data), gallery.tasks, gallery.seed)
-        for report in answers(gold, gallery, robots)
+        for report in answers(gold, models, robots)
     ]
     write_page(gallery.out, reports, "Gallery", [LEAD.format(gallery.tasks, gallery.seed)])
     for robot in robots:

@@ -20,7 +20,7 @@ class Bench(Command):
     """
 
     model: str = "small"
-    """A shipped set of checkpoints, or a folder of them."""
+    """A shipped set of checkpoints, a folder of them, or hub:OWNER/NAME."""
     seconds: float = 5.0
     """About how long each rate is measured."""
     out: File | None = None

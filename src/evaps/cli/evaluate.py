@@ -28,7 +28,7 @@ class Evaluate(Command):
     out: File
     """Parquet file for the rows."""
     model: str = "small"
-    """A shipped set of checkpoints, or a folder of them."""
+    """A shipped set of checkpoints, a folder of them, or hub:OWNER/NAME."""
     methods: tuple[str, ...] = ("lgrl", "evaps", "verified")
     """Who is judged; evaps repairs the candidates of lgrl."""
     split: str = "test"

@@ -22,7 +22,7 @@ class Studio(Command):
     host: str = "127.0.0.1"
     """The address to listen on; with another than this machine's own, whoever can reach it can use it."""
     model: str = "small"
-    """A shipped set of checkpoints, or a folder of them."""
+    """A shipped set of checkpoints, a folder of them, or hub:OWNER/NAME."""
 
     def run(self) -> None:
         """Serve it until Ctrl-C."""

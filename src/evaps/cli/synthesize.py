@@ -41,7 +41,7 @@ class Synthesize(Command):
     """verified; or evaps, the paper's own loop, which repairs the candidates of lgrl; or lgrl, these
     candidates alone; or another method that was trained."""
     model: str = "small"
-    """A shipped set of checkpoints, or a folder of them from `evaps train`."""
+    """A shipped set of checkpoints, a folder of them from `evaps train`, or hub:OWNER/NAME."""
     top_k: int = 20
     """How many candidates come back at most; methods other than verified run, and repair, so many."""
     rounds: int = 5

@@ -16,6 +16,7 @@ from evaps.dsl import UserError
 from evaps.models.base import Repairer, Synthesizer
 from evaps.models.checkpoint import CheckpointError, fitting, load_weights, read_config
 from evaps.models.encoder import Encoder, EncoderConfig
+from evaps.models.hub import PREFIX, fetch
 from evaps.models.inverse import InverseConfig, InverseModel
 
 Network = TypeVar("Network", bound=nn.Module)
@@ -182,11 +183,13 @@ def _loaded(folder: Path, name: str, make: Callable[..., Network]) -> Network:
 
 
 def model_folder(name: str | Path) -> Path:
-    """The folder of a shipped set of checkpoints, or the folder that was named.
+    """The folder of a shipped set of checkpoints, of one from a hub, or the folder that was named.
 
     Raises:
-        CheckpointError: there is no such folder.
+        CheckpointError: there is no such folder, or it cannot be fetched.
     """
+    if str(name).startswith(PREFIX):
+        return fetch(str(name))
     shipped = {path.name: path for path in sorted(SHIPPED.glob("*/"))}
     folder = shipped.get(str(name), Path(name))
     if not folder.is_dir():
@@ -206,10 +209,11 @@ def load_inverse(folder: Path) -> InverseModel:
 
 
 def load_model(name: str | Path = "small", method: str = VERIFIED) -> Model:
-    """A trained model: one of the shipped sets by its name, or a folder of checkpoints.
+    """A trained model: one of the shipped sets by its name, a folder of checkpoints, or a set from a hub.
 
     Args:
-        name: ``"small"``, or a folder that holds ``encoder``, and a folder for each method.
+        name: ``"small"``, or a folder that holds ``encoder``, and a folder for each method; or
+            ``"hub:OWNER/NAME"`` for such a folder on the Hugging Face hub.
         method: a name in SEARCHES; or a synthesizer, which proposes alone; or a repairer, which mends what
             PROPOSER proposes.
 
