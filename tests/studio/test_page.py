@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -109,3 +113,30 @@ def test_a_task_is_loaded_and_saved(page: Page) -> None:
 def test_nothing_sticks_out_at_any_width(page: Page, width: int) -> None:
     page.set_viewport_size({"width": width, "height": 844})
     assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+
+
+@pytest.fixture(scope="module")
+def karel() -> Iterator[str]:
+    """The address of a studio in which there is Karel instead of the Doom robot."""
+    command = [sys.executable, "-m", "evaps", "studio", "--port", "0"]
+    with subprocess.Popen(
+        command, env={**os.environ, "EVAPS_DOMAIN": "karel"}, stdout=subprocess.PIPE, text=True
+    ) as studio:
+        assert studio.stdout is not None
+        yield studio.stdout.readline().split()[2]
+        studio.send_signal(signal.SIGINT)
+
+
+def test_karel_is_driven_and_runs_programs(page: Page, karel: str) -> None:
+    page.goto(karel)
+    expect(page.locator("#perceptions")).to_contain_text("no markers present: yes")
+    page.get_by_role("button", name="put marker", exact=True).click()
+    page.keyboard.press("4")
+    expect(page.locator("#driven")).to_have_text("put marker, turn left")
+    expect(page.locator("#perceptions li.true")).to_contain_text(["markers present: yes"])
+    page.get_by_role("tab", name="Program").click()
+    page.locator("#code").fill("def run():\n    while front_is_clear():\n        move()\n")
+    page.get_by_role("button", name="Run it here").click()
+    expect(page.locator("#now")).to_have_text("next: move")
+    page.locator("#time").press("End")
+    expect(page.locator("#perceptions")).to_contain_text("front is clear: no")

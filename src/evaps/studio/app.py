@@ -77,7 +77,7 @@ def create_app(
 
     @app.get("/api/health")
     def health() -> dict[str, int]:
-        return {"engines_replaced": engines.replaced}
+        return {"engines_replaced": engines.replaced + searches.replaced}
 
     @app.post("/api/random-scene")
     def random() -> dict[str, Any]:

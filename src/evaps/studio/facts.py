@@ -29,9 +29,9 @@ def facts_of(here: World) -> dict[str, Any]:
     if CHOSEN is not DOOM:
         keys = {str(number): action for number, action in enumerate(ACTIONS, 1)}
         words = {action: _read_aloud(action) for action in ACTIONS}
-    actions = [f"{CHOSEN.spelt(action)}()" for action in ACTIONS]
+    actions = {action: f"{CHOSEN.spelt(action)}()" for action in ACTIONS}
     conditions = [f"{CHOSEN.spelt(p.name)}({p.thing or ''})" for p in PERCEPTIONS]
-    program = f"def run():\n    if {conditions[0]}:\n        {actions[0]}\n"
+    program = f"def run():\n    if {conditions[0]}:\n        {actions[ACTIONS[0]]}\n"
     if CHOSEN is DOOM:
         program = "def run():\n    while not in_target(Demon):\n        turn_left()\n    attack()\n"
     start = here.start or here.random_scene(np.random.default_rng(0))

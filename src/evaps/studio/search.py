@@ -47,6 +47,11 @@ class Searches:
         self._busy = Lock()
         self._robots: list[Robot] = []
 
+    @property
+    def replaced(self) -> int:
+        """How many of its engines have died, or hung, and were replaced."""
+        return sum(robot.replaced for robot in self._robots)
+
     def begin(self, model: Model, task: Task, budget: Budget) -> Job:
         """Start a search.
 

@@ -58,7 +58,7 @@ function safely(action) {
 
 // --- running ------------------------------------------------------------------------------------------------
 
-const asPython = (actions) => "def run():\n" + actions.map((a) => `    ${a.toLowerCase()}()\n`).join("");
+const asPython = (actions) => "def run():\n" + actions.map((a) => `    ${facts.calls.actions[a]}\n`).join("");
 const program = () => (state.byHand ? (state.driven.length ? asPython(state.driven) : null) : $("code").value);
 
 let asked = 0;
@@ -70,11 +70,15 @@ async function refresh(atEnd = true) {
   state.run = found;
   state.time = atEnd ? found.moments.length - 1 : 0;
   drawMoment();
+  await tellReplaced();
+}
+
+async function tellReplaced() {
   const health = await askJson("api/health");
-  if (health.engines_replaced > (refresh.replaced ?? 0)) {
+  if (health.engines_replaced > (tellReplaced.before ?? 0)) {
     say("An engine had died; a new one has taken its place, and nothing is lost.");
   }
-  refresh.replaced = health.engines_replaced;
+  tellReplaced.before = health.engines_replaced;
 }
 
 let waiting;
@@ -405,6 +409,7 @@ async function synthesize() {
       { ...asTask(), method: $("method").value, seconds: Number($("seconds").value) });
     $("stop").hidden = false;
     for await (const line of linesOf(reply)) hear(line);
+    await tellReplaced();
   } finally {
     state.job = null;
     $("stop").hidden = true;
@@ -504,7 +509,7 @@ async function begin() {
   const kinds = Object.keys(facts.radii).filter((kind) => kind !== "robot");
   $("palette").append(...kinds.map((kind) => button(`+ ${kind}`, () => add(kind))));
   $("buttons").append(...facts.keys.map(([, action]) => button(words[action], () => drive(action))));
-  $("known-actions").textContent = facts.calls.actions.join(" ");
+  $("known-actions").textContent = Object.values(facts.calls.actions).join(" ");
   $("known-conditions").textContent = facts.calls.conditions.join(" ");
   $("tasks").append(...facts.tasks.map((name) => new Option(name, name)));
   $("method").append(...facts.methods.map((name) => new Option(name, name)));
