@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 from evaps.dsl import UserError
@@ -52,8 +53,9 @@ def report(name: str, rows: Path, out: Path) -> list[Path]:
     if name not in (*known, "all"):
         raise UserError(f"there is no report {name!r}; known are {', '.join((*known, 'all'))}")
     written = []
+    results = cache(lambda: Results.read(rows))  # once for all reports, and only for those that need them
     for each in (*REPORTS, *_further(rows)) if name == "all" else (name,):
-        if _shows_something(made := _make(each, rows)):
+        if _shows_something(made := _make(each, rows, results)):
             written += _write(each, made, out)
         elif name != "all":
             raise UserError(f"{rows} holds nothing that {name} could show; see docs/evaluation.md")
@@ -71,17 +73,16 @@ def _further(rows: Path) -> list[str]:
     return [name for name, folder in FURTHER.items() if (rows / folder).is_dir()]
 
 
-def _make(name: str, rows: Path) -> Item | list[Table]:
+def _make(name: str, rows: Path, results: Callable[[], Results]) -> Item | list[Table]:
     if name == LEARNING:
         if LEARNING not in _further(rows):
             raise UserError(f"{rows / 'curves'} holds no METHOD-SEED.jsonl, the metrics.jsonl of trainings")
         return curves.learning(rows / FURTHER[LEARNING])
     if name == SIZES:
         return curves.sizes(Results.by_column(rows / FURTHER[SIZES], "trained_on"))
-    results = Results.read(rows)
     if name == NOISE:
-        return curves.noise(results, Results.by_column(rows / FURTHER[NOISE], "noise"))
-    return REPORTS[name](results)
+        return curves.noise(results(), Results.by_column(rows / FURTHER[NOISE], "noise"))
+    return REPORTS[name](results())
 
 
 def _write(name: str, made: Item | list[Table], out: Path) -> list[Path]:

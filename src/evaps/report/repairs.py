@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from evaps.dsl import Program, token_type
+from evaps.dsl import token_type
 from evaps.dsl.alignment import align
 from evaps.metrics import TOP, MethodResults, Results, Row
 from evaps.report.figure import Figure, Line
@@ -79,7 +79,7 @@ def _edits(results: Results, method: str) -> Iterator[Table]:
         first, last = row["attempts"][0], row["attempts"][-1]
         if first["program"] == last["program"]:
             continue
-        before, after = (Program.parse(x["program"]).tokens for x in (first, last))
+        before, after = (x["program"].split() for x in (first, last))  # rows have the canonical form
         for edit in align(before, after):
             if edit.kind != "keep":
                 kinds[_kind(edit.old), _kind(edit.new)] += 1
