@@ -7,11 +7,13 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from evaps.domain import DOMAINS, DOOM, VARIABLE, Axis, Domain
+from evaps.tasks.files import read_table
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = [ROOT / "examples" / name for name in ("own_domain.py", "own_world.py")]
@@ -28,19 +30,16 @@ def install(folder: Path, entry: str = "vacuum = own_domain:DOMAIN") -> Path:
     return folder
 
 
+def environment(domain: str, packages: Path | None = None) -> dict[str, str]:
+    """That of a process in a domain, with more packages."""
+    path = os.pathsep.join(filter(None, [packages and str(packages), os.environ.get("PYTHONPATH")]))
+    return {**os.environ, VARIABLE: domain, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
+
+
 def run(domain: str, *words: object, packages: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """A command, in a domain."""
-    there = {**os.environ, VARIABLE: domain, "OMP_NUM_THREADS": "1"}
-    if packages is not None:
-        there["PYTHONPATH"] = os.pathsep.join([str(packages), *filter(None, [os.environ.get("PYTHONPATH")])])
+    """Python, in a domain."""
+    there = environment(domain, packages)
     return subprocess.run([sys.executable, *map(str, words)], env=there, capture_output=True, text=True)
-
-
-def evaps(domain: str, *words: object, packages: Path | None = None) -> str:
-    """What a command of evaps prints."""
-    done = run(domain, "-m", "evaps", *words, packages=packages)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 # Bunel et al., ICLR 2018, Figure 1 has programs like this one.
@@ -99,62 +98,94 @@ def test_programs_of_every_domain_round_trip(name: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize(
-    ("name", "program"),
-    [
-        ("karel", "def run():\n    while front_is_clear():\n        move()\n    put_marker()\n"),
-        ("karel-window", "def run():\n    turn_left()\n    if front_is_clear():\n        move()\n"),
-        ("vacuum", "def run():\n    while not wall_east():\n        suck()\n        east()\n"),
-    ],
-)
-def test_a_task_is_made_learned_from_and_solved(name: str, program: str, tmp_path: Path) -> None:
-    """The same commands as in the Doom domain, on a smoke scale."""
-    packages = install(tmp_path)
+SERVE = """
+import contextlib, io, json, sys
 
-    def command(*words: object) -> str:
-        return evaps(name, *words, packages=packages)
+from evaps.cli import main
 
+for line in sys.stdin:
+    with contextlib.redirect_stdout(out := io.StringIO()):
+        status = main(json.loads(line))
+    print(json.dumps([status, out.getvalue()]), flush=True)
+"""
+
+
+class Shell:
+    """Commands of evaps in one domain, in one process, so that torch is loaded once."""
+
+    def __init__(self, domain: str, packages: Path) -> None:
+        self.domain = domain
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", SERVE],
+            env=environment(domain, packages),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def __call__(self, *words: object) -> str:
+        """What a command prints."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(json.dumps([str(word) for word in words]) + "\n")
+        self._process.stdin.flush()
+        status, out = json.loads(self._process.stdout.readline())
+        assert status == 0
+        return str(out)
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.communicate()
+
+
+@pytest.fixture(scope="module", params=["karel", "vacuum"])
+def shell(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shell]:
+    """One for a domain of evaps, and one for that of another package."""
+    made = Shell(request.param, install(tmp_path_factory.mktemp(request.param)))
+    yield made
+    made.close()
+
+
+PROGRAMS = {
+    "karel": "def run():\n    while front_is_clear():\n        move()\n    put_marker()\n",
+    "vacuum": "def run():\n    while not wall_east():\n        suck()\n        east()\n",
+}
+
+
+@pytest.mark.slow
+def test_a_task_is_made_learned_from_and_solved(shell: Shell, tmp_path: Path) -> None:
+    """The same commands as in the Doom domain, at the smoke scale."""
     data, runs, task = (tmp_path / part for part in ("data", "runs", "task"))
-    command("generate", data, "--tasks", 100, "--seed", 0)
-    assert "0 of them differ" in command("data", "info", data, "--check", 5)
+    shell("generate", data, "--tasks", 100, "--seed", 0, "--workers", 0)
+    assert "0 of them differ" in shell("data", "info", data, "--check", 5)
     for method in ("encoder", "inverse", "lgrl", "evaps"):
-        command("train", method, "--data", data, "--out", runs, "--scale", "smoke")
-    methods = ("lgrl", "evaps", "verified")
-    rows = tmp_path / "rows.parquet"
-    table = command(
-        "evaluate", "--data", data, "--model", runs, "--out", rows, "--tasks", 3, "--methods", *methods
-    )
-    assert table.count("\n|") == 4
-    command("report", "table-1", "--rows", rows, "--out", tmp_path / "report")
+        shell("train", method, "--data", data, "--out", runs, "--scale", "smoke", "--workers", 0)
+    rows, source, scenes = (tmp_path / file for file in ("rows.parquet", "program.py", "scenes.json"))
+    judged = ("--data", data, "--model", runs, "--out", rows, "--tasks", 2, "--workers", 0)
+    assert shell("evaluate", *judged, "--methods", "lgrl", "evaps").count("\n|") == 3
+    shell("report", "table-1", "--rows", rows, "--out", tmp_path / "report")
 
-    code = "import json, numpy; from evaps.robots.world import world; rng = numpy.random.default_rng(1);"
-    code += "print(json.dumps([world().random_scene(rng).to_json() for _ in range(5)]))"
-    (tmp_path / "scenes.json").write_text(run(name, "-c", code, packages=packages).stdout)
-    (tmp_path / "program.py").write_text(program)
-    command(
-        "make-task", "--program", tmp_path / "program.py", "--scenes", tmp_path / "scenes.json", "--out", task
-    )
-    page = tmp_path / "page.html"
-    solution = json.loads(
-        command("synthesize", task, "--model", runs, "--seconds", 60, "--json", "--report", page)
-    )
-    assert solution["solved"]
+    five = [read_table(data / "tasks.parquet")["scenes"][i].as_py()[0] for i in range(5)]
+    scenes.write_text(json.dumps(five))
+    source.write_text(PROGRAMS[shell.domain])
+    shell("make-task", "--program", source, "--scenes", scenes, "--out", task)
+    page, film, scene = (tmp_path / file for file in ("page.html", "film.png", "scene.json"))
+    search = ("--model", runs, "--seconds", 60, "--json", "--report", page)
+    assert json.loads(shell("synthesize", task, *search))["solved"]
     assert page.stat().st_size > 10_000
-    scene = tmp_path / "scene.json"
-    scene.write_text(json.dumps(json.loads((tmp_path / "scenes.json").read_text())[0]))
-    film = tmp_path / "film.png"
-    command("run", "--program", tmp_path / "program.py", "--scene", scene, "--film", film)
+    scene.write_text(json.dumps(five[0]))
+    shell("run", "--program", source, "--scene", scene, "--film", film)
     assert film.read_bytes().startswith(b"\x89PNG")
 
-    elsewhere = run("doom", "-m", "evaps", "data", "info", data)
-    assert elsewhere.returncode == 2
-    assert f"is of the robot '{name}-v0', and this is the domain doom" in elsewhere.stderr
-    elsewhere = run(
-        "doom", "-m", "evaps", "synthesize", ROOT / "examples/tasks/turn-and-shoot", "--model", runs
-    )
-    assert elsewhere.returncode == 2
-    assert f"is of the domain '{name}', and this is 'doom'; set EVAPS_DOMAIN={name}" in elsewhere.stderr
-    assert elsewhere.stderr.count("\n") == 1
+    shipped = next((ROOT / "examples" / "tasks").iterdir())
+    for words, what in (
+        (("data", "info", data), f"is of the robot '{shell.domain}-v0', and this is the domain doom"),
+        (("synthesize", shipped, "--model", runs), f"is of the domain '{shell.domain}', and this is 'doom'"),
+    ):
+        elsewhere = run(DOOM.name, "-m", "evaps", *words)
+        assert elsewhere.returncode == 2
+        assert what in elsewhere.stderr
+        assert elsewhere.stderr.count("\n") == 1
 
 
 def test_the_guide_names_what_is_there() -> None:
