@@ -220,10 +220,14 @@ def test_a_domain_that_is_not_there_is_one_line(name: str, entry: str, what: str
 @pytest.mark.parametrize(
     ("actions", "perceptions", "what"),
     [
-        ((), ("a",), "a list of words is empty"),
-        (("go",), (), "a list of words is empty"),
-        (("go", "go"), ("a",), "'go' is no name, or stands there twice"),
-        (("go on",), ("a",), "'go on' is no name"),
+        ((), ("a",), "needs actions and perceptions"),
+        (("go",), (), "needs actions and perceptions"),
+        (("go", "go"), ("a",), "'go' stands there twice"),
+        (("turnLeft", "turn_left"), ("a",), "'turnLeft' stands there twice"),
+        (("go", "a"), ("a",), "'a' stands there twice"),
+        (("go on",), ("a",), "'go on' cannot be a word"),
+        (("run",), ("a",), "'run' cannot be a word"),
+        (("Return",), ("a",), "'Return' cannot be a word"),
     ],
 )
 def test_words_that_make_no_language_are_refused(
@@ -238,6 +242,6 @@ def test_every_action_has_its_axis() -> None:
         named = [a for axis in domain.axes for a in (axis.onwards, axis.back) if a is not None]
         assert sorted(named) == sorted(domain.actions)
     assert Domain("x", ("go",), ("a",), "x:WORLD").axes == (Axis("go"),)
-    with pytest.raises(ValueError, match="each action has to be on one axis: 'stay'"):
+    with pytest.raises(ValueError, match="each action has to be on one axis, 'stay' too"):
         Domain("x", ("go", "stay"), ("a",), "x:WORLD", opposites=(Axis("go"),))
     assert DOOM.spelt("MOVE_LEFT") == "move_left"

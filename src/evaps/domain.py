@@ -9,13 +9,18 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
-from typing import NoReturn
+from keyword import iskeyword
 
 VARIABLE = "EVAPS_DOMAIN"
+RESERVED = ("DEF", "run", "IF", "IFELSE", "ELSE", "WHILE", "REPEAT", "not", "range", "_")
+"""Words of the syntax, which no domain can have; nor those of Python's."""
+
+
+class DomainError(ValueError):
+    """There is no such domain, or it makes no language; the message says why, in one line."""
 
 
 @dataclass(frozen=True)
@@ -65,17 +70,18 @@ class Domain:
     opposites: tuple[Axis, ...] = ()
 
     def __post_init__(self) -> None:
+        if not self.actions or not self.perceptions:
+            raise DomainError(f"the domain {self.name!r} needs actions and perceptions")
         words = [*self.actions, *self.perceptions, *self.things]
-        wrong = [word for word in words if not word.isidentifier() or words.count(word) > 1]
-        if wrong or not self.actions or not self.perceptions:
-            what = f"{wrong[0]!r} is no name, or stands there twice" if wrong else "a list of words is empty"
-            raise ValueError(f"the domain {self.name!r} needs actions and perceptions: {what}")
+        spelt = [self.spelt(word) for word in words]
+        for word in words:
+            if not word.isidentifier() or word in RESERVED or iskeyword(self.spelt(word)):
+                raise DomainError(f"the domain {self.name!r}: {word!r} cannot be a word of the language")
+            if words.count(word) > 1 or spelt.count(self.spelt(word)) > 1:
+                raise DomainError(f"the domain {self.name!r}: {word!r} stands there twice")
         named = [action for axis in self.axes for action in (axis.onwards, axis.back) if action is not None]
-        lost = sorted({*named} ^ {*self.actions}) + [action for action in named if named.count(action) > 1]
-        if lost:
-            raise ValueError(
-                f"the domain {self.name!r}: each action has to be on one axis: {lost[0]!r} is not"
-            )
+        if lost := sorted({*named} ^ {*self.actions}) + [a for a in named if named.count(a) > 1]:
+            raise DomainError(f"the domain {self.name!r}: each action has to be on one axis, {lost[0]!r} too")
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -131,28 +137,30 @@ def domain_called(name: str) -> Domain:
     """A domain of evaps, or of another package.
 
     Raises:
-        SystemExit: there is none: status 2 after one clear line, since nothing can be loaded without it.
+        DomainError: there is none, or it cannot be loaded.
     """
     if name in DOMAINS:
         return DOMAINS[name]
     others = {entry.name: entry for entry in entry_points(group="evaps.domains")}
     if name not in others:
         known = ", ".join(sorted({*DOMAINS, *others}))
-        _end(f"{VARIABLE} is {name!r}, and there is no such domain; known are {known}")
+        raise DomainError(f"{VARIABLE} is {name!r}, and there is no such domain; known are {known}")
     where = others[name].value
     try:
         found = others[name].load()
     except Exception as error:
-        _end(f"the domain {name!r}, {where}, cannot be loaded: {error}")
+        raise DomainError(f"the domain {name!r}, {where}, cannot be loaded: {error}") from error
     if not isinstance(found, Domain):
-        _end(f"the domain {name!r}, {where}, is no evaps.domain.Domain")
+        raise DomainError(f"the domain {name!r}, {where}, is no evaps.domain.Domain")
     return found
 
 
-def _end(message: str) -> NoReturn:
-    print(f"evaps: {message}", file=sys.stderr)
-    raise SystemExit(2)
+CHOSEN: Domain
+"""The domain of this process, read off EVAPS_DOMAIN when it is first asked for."""
 
 
-CHOSEN = domain_called(os.environ.get(VARIABLE) or DOOM.name)
-"""The domain of this process."""
+def __getattr__(name: str) -> Domain:
+    if name != "CHOSEN":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    chosen = globals()["CHOSEN"] = domain_called(os.environ.get(VARIABLE) or DOOM.name)
+    return chosen
