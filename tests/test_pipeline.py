@@ -111,7 +111,7 @@ def test_latent_execution_is_trained_once_more(model: Path) -> None:
 
 def test_inferred_trace_says_how_often_its_policy_reaches_the_goals(model: Path) -> None:
     metrics = json.loads((model / "inferred-trace" / "config.json").read_text())["facts"]["metrics"]
-    assert {"policy_reaches", "policy_reaches_in_training", "validation_policy_right"} <= metrics.keys()
+    assert {"policy_reaches", "policy_reaches_in_training", "policy_right"} <= metrics.keys()
 
 
 def test_another_seed_does_not_go_on_with_it(data: Path, model: Path) -> None:

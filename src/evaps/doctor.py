@@ -11,6 +11,8 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
+from evaps.domain import CHOSEN, DOOM
+
 EXTRAS = {
     "report": ("matplotlib", "figures of `evaps report`"),
     "cluster": ("ray", "--engine ray"),
@@ -42,7 +44,8 @@ def examine() -> Iterator[Finding]:
     """Look at everything, the most basic things first."""
     yield Finding("evaps", f"{version('evaps')} in {Path(__file__).parent}")
     yield Finding("Python", sys.version.split()[0])
-    for look in (_libraries, _torch, _engine, _checkpoints, _cores, _memory, _disk):
+    looks = (_engine, _checkpoints) if CHOSEN is DOOM else (_world,)  # none are shipped of other domains
+    for look in (_libraries, _torch, *looks, _cores, _memory, _disk):
         yield _guarded(look)
     for extra, (module, what) in EXTRAS.items():
         if find_spec(module) is None:
@@ -95,6 +98,14 @@ def _engine() -> Finding:
     finally:
         robot.close()
     return Finding("engine", f"ViZDoom {_version('vizdoom')} runs; a view has {seen[0]} x {seen[1]} pixels")
+
+
+def _world() -> Finding:
+    """The robot of another domain than Doom's, on a random scene."""
+    from evaps.robots.world import world
+
+    size = world().size
+    return Finding(f"domain {CHOSEN.name}", f"{world().version}; a view has {size[0]} x {size[1]} pixels")
 
 
 def _checkpoints() -> Finding:

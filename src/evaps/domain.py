@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
 from keyword import iskeyword
 
 VARIABLE = "EVAPS_DOMAIN"
-RESERVED = ("DEF", "run", "IF", "IFELSE", "ELSE", "WHILE", "REPEAT", "not", "range", "_")
+RESERVED = {"DEF", "run", "IF", "IFELSE", "ELSE", "WHILE", "REPEAT", "not", "range", "_"}
 """Words of the syntax, which no domain can have; nor those of Python's."""
+
+MEASURED = ("counted", "ahead", "left")
+"""How an axis may be measured."""
 
 
 class DomainError(ValueError):
@@ -70,18 +73,44 @@ class Domain:
     opposites: tuple[Axis, ...] = ()
 
     def __post_init__(self) -> None:
+        if fault := next(self._faults(), None):
+            raise DomainError(f"the domain {self.name!r}: {fault}")
+
+    def _faults(self) -> Iterator[str]:
+        """What keeps it from being a language that can be read, written and learned."""
         if not self.actions or not self.perceptions:
-            raise DomainError(f"the domain {self.name!r} needs actions and perceptions")
-        words = [*self.actions, *self.perceptions, *self.things]
-        spelt = [self.spelt(word) for word in words]
-        for word in words:
-            if not word.isidentifier() or word in RESERVED or iskeyword(self.spelt(word)):
-                raise DomainError(f"the domain {self.name!r}: {word!r} cannot be a word of the language")
-            if words.count(word) > 1 or spelt.count(self.spelt(word)) > 1:
-                raise DomainError(f"the domain {self.name!r}: {word!r} stands there twice")
+            yield "it needs actions and perceptions"
+        words = [*self.actions, *self.perceptions]
+        spelt = [*map(self.spelt, words), *self.things]
+        for word, said in zip([*words, *self.things], spelt, strict=True):
+            free = not {word, said} & RESERVED and not iskeyword(said)
+            if not (free and word.isidentifier() and said.isidentifier()):
+                yield f"{word!r} cannot be a word of the language"
+            if spelt.count(said) > 1:
+                yield f"{word!r} stands there twice"
+        if len({*self.counts}) < len(self.counts) or not any(type(n) is int and n > 1 for n in self.counts):
+            yield "counts need whole numbers, each once, and one of at least 2"
+        if not all(type(n) is int and n >= 0 for n in self.counts):
+            yield "counts are whole numbers of at least 0"
+        if not re.fullmatch(r"[\w.]+:\w+", self.world):
+            yield f"world has to be MODULE:NAME, not {self.world!r}"
+        if self.move <= 0 or self.tolerance < 0 or self.budget < 1:
+            yield "move and budget have to be more than 0, and tolerance not less"
+        yield from self._faults_of_axes()
+
+    def _faults_of_axes(self) -> Iterator[str]:
         named = [action for axis in self.axes for action in (axis.onwards, axis.back) if action is not None]
-        if lost := sorted({*named} ^ {*self.actions}) + [a for a in named if named.count(a) > 1]:
-            raise DomainError(f"the domain {self.name!r}: each action has to be on one axis, {lost[0]!r} too")
+        for action in named:
+            if action not in self.actions:
+                yield f"the axis of {action!r} has no such action"
+            if named.count(action) > 1:
+                yield f"{action!r} is on two axes"
+        for action in self.actions:
+            if action not in named:
+                yield f"{action!r} is on no axis"
+        for axis in self.axes:
+            if axis.measured not in MEASURED:
+                yield f"an axis is measured as one of {', '.join(MEASURED)}, not {axis.measured!r}"
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -152,6 +181,8 @@ def domain_called(name: str) -> Domain:
         raise DomainError(f"the domain {name!r}, {where}, cannot be loaded: {error}") from error
     if not isinstance(found, Domain):
         raise DomainError(f"the domain {name!r}, {where}, is no evaps.domain.Domain")
+    if found.name != name:
+        raise DomainError(f"the domain {name!r}, {where}, calls itself {found.name!r}; name both alike")
     return found
 
 

@@ -87,7 +87,14 @@ def test_a_set_of_checkpoints_is_fetched_once(hub: str, tmp_path: Path) -> None:
     assert sum("GET" in a and "safetensors" in a for a in Hub.asked) == 1
 
 
-@pytest.mark.parametrize("name", ["hub:acme/nothing", "hub:no name", "hub:"])
-def test_what_the_hub_does_not_have_is_one_line(hub: str, tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [
+        ("hub:acme/nothing", "cannot be fetched: "),
+        ("hub:no name", "names nothing on the hub; it has to be hub:OWNER/NAME"),
+        ("hub:", "names nothing on the hub"),
+    ],
+)
+def test_what_the_hub_does_not_have_is_one_line(hub: str, tmp_path: Path, name: str, what: str) -> None:
     said = fetch(hub, tmp_path, name).stderr.splitlines()
-    assert said[-1].startswith(f"evaps.models.checkpoint.CheckpointError: {name} cannot be fetched: ")
+    assert said[-1].startswith(f"evaps.models.checkpoint.CheckpointError: {name} {what}")

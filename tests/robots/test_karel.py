@@ -1,5 +1,7 @@
 """Karel: what his actions do, what he perceives and sees, and which grids there are."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -122,10 +124,13 @@ def test_his_world_is_deterministic(window: bool, seed: int, actions: list[str])
 
 def test_random_scenes_are_valid_and_round_trip() -> None:
     rng = np.random.default_rng(0)
+    markers: Counter[int] = Counter()
     for _ in range(50):
         scene = random_scene(rng)
+        markers.update(Counter((t.x, t.y) for t in scene.things if t.kind == "Marker").values())
         validate(scene)
         assert Scene.from_json(scene.to_json()) == scene
+    assert markers[1] > markers[2] > markers[3] > 0, "one marker in a cell is the rule"
 
 
 @pytest.mark.parametrize(

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Run(Command):
-    """Run a program on the Doom robot and show what happened.
+    """Run a program on the robot and show what happened.
 
     A run ends after 20 actions or 100 interpreter calls; one that would need more has not halted. Scenes are
-    in whole map units and whole degrees counter-clockwise from east.
+    in whole units of the world and whole degrees counter-clockwise from east.
     """
 
     program: ProgramFile

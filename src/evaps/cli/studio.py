@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import socket
 from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
 
 from evaps.cli.command import Command
 from evaps.cli.synthesize import shipped_tasks
@@ -17,6 +20,8 @@ class Studio(Command):
     Needs the extra `viewer`: pip install 'evaps[viewer]'. It listens on this machine only; Ctrl-C ends it.
     """
 
+    tasks: Positional[tuple[Path, ...]] = ()
+    """Task folders that can be loaded, beside the shipped ones."""
     port: int = 8000
     """Where it listens; 0 for any that is free."""
     host: str = "127.0.0.1"
@@ -32,13 +37,18 @@ class Studio(Command):
             import uvicorn
 
             from evaps.studio import LOOPBACK, create_app
+            from evaps.tasks.task import load_task
         except ImportError as error:
             raise UserError(f"the studio needs {error.name}; try: pip install 'evaps[viewer]'") from error
 
+        for folder in self.tasks:
+            load_task(folder)  # what cannot be loaded is told before anybody looks for it
         listening = _listen(self.host, self.port)
         name, port = listening.getsockname()[:2]
-        app = create_app(shipped_tasks(), self.model, {*LOOPBACK, self.host, name})
-        shown = f"[{name}]" if ":" in name else name
+        everywhere = name in ("0.0.0.0", "::")
+        folders, names = [*shipped_tasks(), *self.tasks], {*LOOPBACK, self.host, name}
+        app = create_app(folders, self.model, names, everywhere)
+        shown = socket.gethostname() if everywhere else f"[{name}]" if ":" in name else name
         print(f"evaps studio: http://{shown}:{port}/ (Ctrl-C ends it)", flush=True)
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=2))
         server.run([listening])

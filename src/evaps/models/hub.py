@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from evaps.models.checkpoint import CheckpointError
@@ -25,6 +26,8 @@ def fetch(name: str) -> Path:
     except ImportError as error:
         raise CheckpointError(f"{name} needs huggingface_hub; try: pip install 'evaps[hub]'") from error
     repository, _, revision = name.removeprefix(PREFIX).partition("@")
+    if not re.fullmatch(r"[\w.-]+/[\w.-]+", repository):
+        raise CheckpointError(f"{name} names nothing on the hub; it has to be {PREFIX}OWNER/NAME")
     try:
         folder = Path(snapshot_download(repository, revision=revision or None, allow_patterns=FILES))
     except (OSError, ValueError) as error:  # the library's errors are of these two kinds

@@ -74,7 +74,6 @@ class KarelRobot(Robot):
         self._markers: dict[Cell, int] = {}
         self._at: Cell = (0, 0)
         self._heading = 0
-        self._ground = np.empty(0, np.uint8)
 
     def reset(self, scene: Scene) -> None:
         """Set up the grid.
@@ -198,7 +197,9 @@ def validate(scene: Scene) -> None:
         SceneError: which value is wrong, and what it may be.
     """
     corners = [t for t in scene.things if t.kind == "Corner"]
-    if len(corners) != 1 or not all(SMALLEST < v <= LARGEST + 1 for v in (corners[0].x, corners[0].y)):
+    if len(corners) != 1 or not all(
+        v in range(SMALLEST + 1, LARGEST + 2) for v in (corners[0].x, corners[0].y)
+    ):
         raise SceneError(
             f"the things need one Corner, with x and y from {SMALLEST + 1} to {LARGEST + 1}: "
             "the grid is from (1, 1) to the cell before it"
@@ -240,7 +241,7 @@ def random_scene(rng: np.random.Generator) -> Scene:
             continue
         clear.append((x + 1, y + 1))
         if kinds[x, y] < WALLS + MARKED:
-            things += [Thing("Marker", x + 1, y + 1)] * int(1 + rng.geometric(0.7) % MOST_MARKERS)
+            things += [Thing("Marker", x + 1, y + 1)] * int(min(MOST_MARKERS, rng.geometric(0.7)))
     x, y = clear[int(rng.integers(len(clear)))]
     return Scene(Pose(x, y, int(90 * rng.integers(4))), tuple(things))
 
@@ -257,6 +258,7 @@ def _world(version: str, window: bool) -> World:
         y=(0.5, LARGEST + 0.5),
         radii={"Wall": 0.5, "Marker": 0.25, "Corner": 0.1, "robot": 0.4},
         places=dict.fromkeys(("robot", "things"), ((1, LARGEST + 1), (1, LARGEST + 1))),
+        kinds=("Wall", "Marker"),
         headings=90,
     )
 

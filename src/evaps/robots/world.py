@@ -10,8 +10,9 @@ from importlib import import_module
 import numpy as np
 
 from evaps.domain import CHOSEN
+from evaps.dsl import UserError
 from evaps.robots.base import Robot, Scene
-from evaps.robots.frames import Image
+from evaps.robots.frames import Image, PaletteFrame
 
 Range = tuple[float, float]
 
@@ -34,7 +35,8 @@ class World:
         engine: the package whose version decides what is seen, if there is one.
         x: what a map shows from west to east, in units of the world.
         y: what it shows from south to north.
-        radii: for maps: of each kind of thing, and of the ``robot``.
+        radii: for maps: of each kind of thing, and of the ``robot``; who has none is as large as the robot.
+        kinds: of things that the studio adds to a scene; all that have a radius, if not given.
         places: where on the map the ``robot`` and ``things`` may be put, ``(x, y)``; all of it if not given.
         headings: degrees between two directions that the robot may look in.
         start: the scene that the studio begins with; a random one if not given.
@@ -50,6 +52,7 @@ class World:
     x: Range = (0, 1)
     y: Range = (0, 1)
     radii: Mapping[str, float] = field(default_factory=lambda: {"robot": 0.5})
+    kinds: tuple[str, ...] | None = None
     places: Mapping[str, tuple[Range, Range]] = field(default_factory=dict)
     headings: int = 1
     start: Scene | None = None
@@ -57,7 +60,45 @@ class World:
 
 @cache
 def world() -> World:
-    """The world of the domain that this process works in."""
+    """The world of the domain that this process works in.
+
+    Raises:
+        UserError: it cannot be loaded, or does not do.
+    """
     module, _, name = CHOSEN.world.partition(":")
-    found: World = getattr(import_module(module), name)
+    where = f"the world of the domain {CHOSEN.name!r}, {CHOSEN.world},"
+    try:
+        found = getattr(import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise UserError(f"{where} cannot be loaded: {error}") from error
+    if not isinstance(found, World):
+        raise UserError(f"{where} is no evaps.robots.world.World")
+    _check(found, where)
     return found
+
+
+def _check(found: World, where: str) -> None:
+    """Try what every command will need: a random scene, and what the robot sees of it.
+
+    An engine need not be started for it: a world that has one is evaps' own.
+
+    Raises:
+        UserError: it does not do; the message says what it should.
+    """
+    if found.engine is not None:
+        return
+    try:
+        scene = found.random_scene(np.random.default_rng(0))
+        found.validate(Scene.from_json(scene.to_json()))
+        robot = found.robot()
+        robot.reset(scene)
+        frame = robot.observe()
+    except Exception as error:
+        raise UserError(f"{where} fails on a random scene: {type(error).__name__}: {error}") from error
+    if not isinstance(frame, PaletteFrame):
+        raise UserError(f"{where} has a robot that sees a {type(frame).__name__}, not a PaletteFrame")
+    for plane in (frame.indices, frame.depth):
+        if plane.shape != found.size or plane.dtype != np.uint8:
+            raise UserError(
+                f"{where} says that a view is uint8 of {found.size}, and it is {plane.dtype} of {plane.shape}"
+            )

@@ -39,7 +39,10 @@ METHODS = ("verified", "evaps", "lgrl")
 
 
 def create_app(
-    tasks: Collection[Path] = (), model: str = "small", hosts: Collection[str] = LOOPBACK
+    tasks: Collection[Path] = (),
+    model: str = "small",
+    hosts: Collection[str] = LOOPBACK,
+    everywhere: bool = False,
 ) -> FastAPI:
     """The studio as an application for an ASGI server.
 
@@ -47,6 +50,7 @@ def create_app(
         tasks: task folders that can be loaded, by their names.
         model: a shipped set of checkpoints, or a folder of them.
         hosts: names that the server is called by; requests for others are refused.
+        everywhere: whether it listens on all addresses, and may be called by any, and by the machine's name.
     """
     engines, searches = Engines(), Searches()
     folders = {path.name: path for path in tasks}
@@ -58,7 +62,7 @@ def create_app(
         engines.close()
 
     app = FastAPI(title="evaps studio", lifespan=life, docs_url=None, redoc_url=None, openapi_url=None)
-    guard(app, hosts)
+    guard(app, hosts, everywhere)
     _tell_errors(app)
 
     @app.get("/")
@@ -178,6 +182,10 @@ def _tell_errors(app: FastAPI) -> None:
     @app.exception_handler(EngineError)
     def broken(_: Request, error: EngineError) -> JSONResponse:
         return JSONResponse({"error": str(error)}, 503)
+
+    @app.exception_handler(Exception)
+    def unexpected(_: Request, error: Exception) -> JSONResponse:
+        return JSONResponse({"error": f"unexpected {type(error).__name__}: {error}"}, 500)
 
     @app.exception_handler(HTTPException)
     def refused(_: Request, error: HTTPException) -> JSONResponse:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from string import ascii_lowercase
 from typing import Any
 
 import numpy as np
@@ -20,14 +21,17 @@ DOOM_KEYS = {
     " ": ("ATTACK", "shoot"),
 }
 
+KEYS = "123456789" + ascii_lowercase
+"""Of other domains, in the order of the actions."""
+
 
 def facts_of(here: World) -> dict[str, Any]:
     """The facts about a world, as JSON values; ``keys`` are in the order of the buttons."""
     anywhere = (here.x, here.y)
-    keys = {key: action for key, (action, _) in DOOM_KEYS.items()}
+    keys = [(key, action) for key, (action, _) in DOOM_KEYS.items()]
     words = dict(DOOM_KEYS.values())
     if CHOSEN is not DOOM:
-        keys = {str(number): action for number, action in enumerate(ACTIONS, 1)}
+        keys = list(zip(KEYS, ACTIONS, strict=False))
         words = {action: _read_aloud(action) for action in ACTIONS}
     actions = {action: f"{CHOSEN.spelt(action)}()" for action in ACTIONS}
     conditions = [f"{CHOSEN.spelt(p.name)}({p.thing or ''})" for p in PERCEPTIONS]
@@ -39,11 +43,12 @@ def facts_of(here: World) -> dict[str, Any]:
         "arena": {"x": here.x, "y": here.y},
         "places": {who: here.places.get(who, anywhere) for who in ("robot", "things")},
         "radii": here.radii,
+        "kinds": here.kinds if here.kinds is not None else [k for k in here.radii if k != "robot"],
         "headings": here.headings,
         "tolerance": CHOSEN.tolerance,
         "scene": start.to_json(),
         "perceptions": PERCEPTION_KEYS,
-        "keys": list(keys.items()),
+        "keys": keys,
         "words": {**words, **{key: " ".join(map(_read_aloud, key.split(" "))) for key in PERCEPTION_KEYS}},
         "calls": {"actions": actions, "conditions": conditions},
         "program": program,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Collection
+from ipaddress import ip_address
+from socket import gethostname
 from urllib.parse import urlsplit
 
 from fastapi import FastAPI, Request, Response
@@ -12,21 +14,23 @@ MOST_BYTES = 2_000_000  # of a request: ten goal pictures and some text
 POLICY = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'"
 
 
-def guard(app: FastAPI, hosts: Collection[str]) -> None:
+def guard(app: FastAPI, hosts: Collection[str], everywhere: bool = False) -> None:
     """Refuse requests for other hosts (DNS rebinding), from other pages, and large ones.
 
     Args:
         app: to be guarded.
         hosts: names that this server is called by, without port.
+        everywhere: whether it may be called by any address, too, and by the machine's name: a page that turns
+            a name of its own into this address comes with that name.
     """
 
     @app.middleware("http")
     async def check(request: Request, go_on: Callable[[Request], Awaitable[Response]]) -> Response:
         host = _name(f"//{request.headers.get('host', '')}")
-        if host not in hosts:
+        if host not in hosts and not (everywhere and (_is_address(host) or host == gethostname().lower())):
             return _refused(421, f"this server is not called {host!r}")
         origin = request.headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc != request.headers["host"]:
+        if origin is not None and origin.partition("://")[2] != request.headers["host"]:
             return _refused(403, "only pages of this server may ask for this")
         if request.method == "POST":
             size = request.headers.get("content-length", "")
@@ -44,6 +48,14 @@ def _name(url: str) -> str:
         return urlsplit(url).hostname or ""
     except ValueError:
         return ""
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ip_address(host)
+    except ValueError:
+        return False
+    return True
 
 
 def _refused(status: int, why: str) -> JSONResponse:

@@ -23,6 +23,7 @@ from evaps.robots.world import world
 WIDTH = 320  # pixels of the robot's view, and of the map
 CODE = 320  # pixels of the column with the program
 MARGIN = 12
+FEW = 12  # things that are named on the map
 LINE = 18
 SECONDS = 0.8  # that each moment of a GIF is shown
 INK, PAPER, MARK, FAINT = (32, 32, 40), (250, 250, 248), (255, 228, 140), (140, 140, 150)
@@ -174,7 +175,8 @@ def _map(states: Sequence[WorldState]) -> Picture.Image:
         x, y = _place(thing.x, thing.y)
         color = ALIVE if thing.alive else DEAD
         pen.ellipse((x - 6, y - 6, x + 6, y + 6), fill=color)
-        pen.text((x + 8, y - 7), thing.kind, color, _font())
+        if len(states[-1].things) <= FEW:  # else names would cover one another
+            pen.text((x + 8, y - 7), thing.kind, color, _font())
     x, y = way[-1]
     heading = np.deg2rad(states[-1].robot.heading)
     tip = (x + 16 * math.cos(heading), y - 16 * math.sin(heading))

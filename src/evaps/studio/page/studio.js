@@ -62,12 +62,12 @@ const asPython = (actions) => "def run():\n" + actions.map((a) => `    ${facts.c
 const program = () => (state.byHand ? (state.driven.length ? asPython(state.driven) : null) : $("code").value);
 
 let asked = 0;
-/** Run what is to be run on the scene; only the answer to the newest question counts. */
-async function refresh(atEnd = true) {
+/** Run a program on the scene, or only look at it; only the answer to the newest question counts. */
+async function refresh(atEnd = true, what = program()) {
   const question = ++asked;
-  const found = await askJson("api/run", { scene: state.scene, program: program() });
+  const found = await askJson("api/run", { scene: state.scene, program: what });
   if (question !== asked) return;
-  state.run = found;
+  state.run = { ...found, program: what };
   state.time = atEnd ? found.moments.length - 1 : 0;
   drawMoment();
   await tellReplaced();
@@ -84,13 +84,17 @@ async function tellReplaced() {
 let waiting;
 function refreshSoon() {
   clearTimeout(waiting);
-  waiting = setTimeout(safely(() => refresh(state.byHand)), 120);
+  waiting = setTimeout(safely(() => refresh(true, null)), 120);
 }
 
+/** What was run was run on another scene: until there is an answer for this one, there is nothing to keep. */
 function sceneChanged() {
-  state.driven = state.byHand ? [] : state.driven;
-  if (!state.byHand) state.byHand = true, choose("drive");
+  asked++;
+  state.driven = [];
+  state.run = null;
+  state.time = 0;
   drawMap();
+  enable();
   refreshSoon();
 }
 
@@ -108,10 +112,13 @@ const span = ([low, high]) => high - low;
 const scale = () => WIDE / span(facts.arena.x);
 const across = (x) => (x - facts.arena.x[0]) * scale();
 const down = (y) => (facts.arena.y[1] - y) * scale();
+const radius = (kind) => (facts.radii[kind] ?? facts.radii.robot) * scale(); // in the picture
 const step = () => Math.max(1, Math.round(span(facts.arena.x) / 80)); // a key press, in units of the world
 
 function drawMap(keep) {
   const map = $("map");
+  const focused = [...map.querySelectorAll(".thing")].indexOf(document.activeElement);
+  keep ??= focused < 0 ? undefined : focused;
   map.setAttribute("viewBox", `0 0 ${WIDE} ${span(facts.arena.y) * scale()}`);
   map.replaceChildren();
   const moments = state.run?.moments.slice(0, state.time + 1) ?? [];
@@ -125,14 +132,16 @@ function drawMap(keep) {
   state.scene.things.forEach((thing, index) => {
     const gone = now && there(moments[0].state, thing) && !there(now, thing);
     const group = item(map, thing, `${thing.kind} ${index + 1}`, gone);
-    shape("circle", { class: `body ${thing.kind}`, r: facts.radii[thing.kind] * scale() }, group);
-    if (facts.radii[thing.kind] * scale() > 15) // else it would cover its neighbours
+    shape("circle", { class: `body ${thing.kind}`, r: radius(thing.kind) }, group);
+    shape("circle", { class: "hit", r: Math.max(24, radius(thing.kind)) }, group);
+    if (radius(thing.kind) > 15) // else it would cover its neighbours
       shape("text", { y: 5, "text-anchor": "middle" }, group).textContent = thing.kind;
   });
   const robot = item(map, state.scene.robot, `The robot, heading ${state.scene.robot.heading} degrees`, false);
-  shape("circle", { class: "body robot", r: facts.radii.robot * scale() }, robot);
+  shape("circle", { class: "body robot", r: radius("robot") }, robot);
+  shape("circle", { class: "hit", r: Math.max(24, radius("robot")) }, robot);
   const angle = (state.scene.robot.heading * Math.PI) / 180;
-  shape("line", { x2: 40 * Math.cos(angle), y2: -40 * Math.sin(angle), stroke: "var(--accent)", "stroke-width": 6 }, robot);
+  shape("line", { x2: (radius("robot") + 24) * Math.cos(angle), y2: -(radius("robot") + 24) * Math.sin(angle), stroke: "var(--accent)", "stroke-width": 6 }, robot);
   if (keep !== undefined) map.querySelectorAll(".thing")[keep]?.focus();
 }
 
@@ -140,7 +149,7 @@ const near = (a, b) => Math.hypot(a.x - b.x, a.y - b.y) <= facts.tolerance;
 
 function marker(map, x, y, heading, name) {
   const angle = (heading * Math.PI) / 180;
-  shape("circle", { class: name, cx: across(x), cy: down(y), r: facts.radii.robot * scale() }, map);
+  shape("circle", { class: name, cx: across(x), cy: down(y), r: radius("robot") }, map);
   shape("line", { class: name, x1: across(x), y1: down(y), x2: across(x) + 34 * Math.cos(angle), y2: down(y) - 34 * Math.sin(angle) }, map);
 }
 
@@ -170,12 +179,13 @@ function drag(event, place) {
     move(place, point.x / scale() + facts.arena.x[0], facts.arena.y[1] - point.y / scale());
     drawMap();
   };
+  const over = new AbortController();
   const end = () => {
-    removeEventListener("pointermove", to);
+    over.abort();
     sceneChanged();
   };
-  addEventListener("pointermove", to);
-  addEventListener("pointerup", end, { once: true });
+  addEventListener("pointermove", to, { signal: over.signal });
+  for (const name of ["pointerup", "pointercancel"]) addEventListener(name, end, { signal: over.signal });
 }
 
 function onKey(event, place) {
@@ -196,18 +206,18 @@ function onKey(event, place) {
 /** A free place for a new thing, looked for on a grid. */
 function add(kind) {
   const others = [{ kind: "robot", ...state.scene.robot }, ...state.scene.things];
-  const free = (x, y) => others.every((o) => Math.max(Math.abs(o.x - x), Math.abs(o.y - y)) > facts.radii[o.kind] + facts.radii[kind] + 4 / scale());
+  const free = (x, y) => others.every((o) => Math.max(Math.abs(o.x - x), Math.abs(o.y - y)) > (radius(o.kind) + radius(kind) + 4) / scale());
   const [wide, high] = facts.places.things;
   const apart = Math.max(1, Math.round(span(facts.arena.x) / 10));
-  const first = { x: Math.round(wide[1] - 0.3125 * span(wide)), y: Math.round((high[0] + high[1]) / 2) };
-  for (let i = 0; i * apart < span(high); i++) {
-    const y = high[0] + ((first.y - high[0] + i * apart) % span(high));
-    for (let x = first.x; x >= wide[0]; x -= apart)
-      if (free(x, y)) {
-        state.scene.things.push({ kind, x, y });
-        sceneChanged();
-        return;
-      }
+  const middle = (axis) => (Math.min(...others.map((o) => o[axis])) + Math.max(...others.map((o) => o[axis]))) / 2;
+  const far = (place) => Math.hypot(place.x - middle("x"), place.y - middle("y"));
+  const places = [];
+  for (let y = high[0]; y <= high[1]; y += apart)
+    for (let x = wide[0]; x <= wide[1]; x += apart) if (free(x, y)) places.push({ kind, x, y });
+  if (places.length) {
+    state.scene.things.push(places.sort((a, b) => far(a) - far(b))[0]);
+    sceneChanged();
+    return;
   }
   say("There is no room for another one.");
 }
@@ -280,6 +290,7 @@ function check() {
     const found = await askJson("api/check", { program: $("code").value });
     $("code-error").textContent = found.error?.message ?? "";
     drawLines([], found.error?.line);
+    enable();
   }), 250);
 }
 
@@ -339,7 +350,8 @@ function drawExamples(passed = []) {
 /** Which buttons can be pressed now. */
 function enable() {
   const full = state.examples.length >= facts.examples;
-  $("keep").disabled = full || state.run?.halted === false;
+  const current = state.run !== null && state.run.program === program();
+  $("keep").disabled = full || !current || state.run.halted === false;
   $("save").disabled = !full;
   $("synthesize").disabled = !full || state.job !== null;
 }
@@ -410,6 +422,9 @@ async function synthesize() {
     $("stop").hidden = false;
     for await (const line of linesOf(reply)) hear(line);
     await tellReplaced();
+  } catch (error) {
+    $("progress").textContent = "";
+    throw error;
   } finally {
     state.job = null;
     $("stop").hidden = true;
@@ -469,7 +484,7 @@ function showAnswer(answer) {
 function listen() {
   const on = (id, action, event = "click") => $(id).addEventListener(event, safely(action));
   on("random-scene", async () => { state.scene = await askJson("api/random-scene", {}); sceneChanged(); });
-  on("time", () => { state.time = Number($("time").value); drawMoment(); }, "input");
+  on("time", () => { if (!state.run) return; state.time = Number($("time").value); drawMoment(); }, "input");
   on("undo", async () => { state.driven.pop(); await refresh(); });
   on("restart", async () => { state.driven = []; await refresh(); });
   on("run", runProgram);
@@ -506,8 +521,7 @@ async function begin() {
   keys = Object.fromEntries(facts.keys);
   words = facts.words;
   $("known-keys").textContent = facts.keys.map(([key, action]) => `${key === " " ? "Space" : key.toUpperCase()} ${words[action]}`).join(", ");
-  const kinds = Object.keys(facts.radii).filter((kind) => kind !== "robot");
-  $("palette").append(...kinds.map((kind) => button(`+ ${kind}`, () => add(kind))));
+  $("palette").append(...facts.kinds.map((kind) => button(`+ ${kind}`, () => add(kind))));
   $("buttons").append(...facts.keys.map(([, action]) => button(words[action], () => drive(action))));
   $("known-actions").textContent = Object.values(facts.calls.actions).join(" ");
   $("known-conditions").textContent = facts.calls.conditions.join(" ");
