@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from evaps.dsl import Trace
     from evaps.robots.base import WorldState
     from evaps.robots.frames import Image, Observation
+
+
+FEW = 20  # things that are listed one by one
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,10 @@ def _print_summary(trace: Trace[Observation], state: WorldState) -> None:
     console.print(f"robot at x {robot.x:g}, y {robot.y:g}, heading {robot.heading:g} degrees")
     if state.ammo or state.health:
         console.print(f"ammunition {state.ammo}, health {state.health}")
+    if len(state.things) > FEW:
+        kinds = Counter(thing.kind for thing in state.things)
+        console.print("things:", ", ".join(f"{number} {kind}" for kind, number in kinds.items()))
+        return
     table = Table("thing", "alive", "x", "y")
     for thing in state.things:
         table.add_row(thing.kind, "yes" if thing.alive else "no", f"{thing.x:g}", f"{thing.y:g}")

@@ -46,6 +46,7 @@ def facts_of(here: World) -> dict[str, Any]:
         "kinds": here.kinds if here.kinds is not None else [k for k in here.radii if k != "robot"],
         "headings": here.headings,
         "tolerance": CHOSEN.tolerance,
+        "budget": CHOSEN.budget,
         "scene": start.to_json(),
         "perceptions": PERCEPTION_KEYS,
         "keys": keys,

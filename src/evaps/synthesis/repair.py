@@ -101,7 +101,7 @@ def synthesize_with(
 
     def go_on(done: int) -> bool:
         best = max((a for chain in chains for a in chain), key=lambda a: a.pairs_passed)
-        text = f"candidates repaired {done} times" if done else f"{len(chains)} candidates proposed"
+        text = f"candidates after repair {done}" if done else f"{len(chains)} candidates proposed"
         watch.tell(News(text, best.passed, best.program, meter.actions, meter.seconds))
         return not watch.stopped()
 

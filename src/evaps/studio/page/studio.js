@@ -449,9 +449,14 @@ function hear(line) {
   if (line.job) state.job = line.job;
   if (line.news) {
     const passed = line.passed.filter(Boolean).length;
-    $("progress").textContent = `${passed} of ${line.passed.length} goals, ${line.actions} actions simulated, ${line.seconds.toFixed(1)} s`;
+    $("progress").textContent = `${passed} of ${line.passed.length} goals, ${line.actions} of ${facts.budget} actions simulated, ${line.seconds.toFixed(1)} s`;
     const entry = document.createElement("li");
     entry.textContent = `${line.seconds.toFixed(1)} s: ${line.news}`;
+    if (line.python) {
+      const best = document.createElement("pre");
+      best.textContent = line.python;
+      entry.append(best);
+    }
     $("log").append(entry);
     drawExamples(line.passed);
   }
