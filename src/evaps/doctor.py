@@ -104,8 +104,8 @@ def _world() -> Finding:
     """The robot of another domain than Doom's, on a random scene."""
     from evaps.robots.world import world
 
-    size = world().size
-    return Finding(f"domain {CHOSEN.name}", f"{world().version}; a view has {size[0]} x {size[1]} pixels")
+    height, width = world().size
+    return Finding(f"domain {CHOSEN.name}", f"{world().version}; a view has {height} x {width} pixels")
 
 
 def _checkpoints() -> Finding:

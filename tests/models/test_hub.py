@@ -21,16 +21,17 @@ FILES = {
 } | {"README.md": b"not fetched"}
 
 
+ASKED: list[str] = []  # each request has a handler of its own
+
+
 class Hub(BaseHTTPRequestHandler):
     """The parts of the hub that a snapshot of acme/tiny needs."""
-
-    asked: list[str] = []  # noqa: RUF012 - of the class, since each request has a handler of its own
 
     def do_HEAD(self) -> None:
         self.do_GET()
 
     def do_GET(self) -> None:
-        self.asked.append(f"{self.command} {self.path}")
+        ASKED.append(f"{self.command} {self.path}")
         path = self.path.partition("?")[0]
         if path.startswith("/api/models/acme/tiny/revision/"):
             siblings = [{"rfilename": name} for name in FILES]
@@ -64,7 +65,7 @@ class Hub(BaseHTTPRequestHandler):
 @pytest.fixture
 def hub() -> Iterator[str]:
     server = ThreadingHTTPServer(("127.0.0.1", 0), Hub)
-    Hub.asked.clear()
+    ASKED.clear()
     Thread(target=server.serve_forever, daemon=True).start()
     yield f"http://127.0.0.1:{server.server_port}"
     server.shutdown()
@@ -84,7 +85,7 @@ def test_a_set_of_checkpoints_is_fetched_once(hub: str, tmp_path: Path) -> None:
         folder = Path(done.stdout.strip())
         assert (folder / "encoder" / "model.safetensors").read_bytes() == FILES["encoder/model.safetensors"]
         assert not (folder / "README.md").exists()
-    assert sum("GET" in a and "safetensors" in a for a in Hub.asked) == 1
+    assert sum("GET" in a and "safetensors" in a for a in ASKED) == 1
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from lark.indenter import Indenter
 from lark.lexer import PatternRE, TerminalDef
 from lark.parsers.lalr_analysis import Shift
 
-from evaps.domain import CHOSEN, Domain
+from evaps.domain import CHOSEN
 from evaps.dsl.nodes import Action, If, IfElse, Not, Perception, Repeat, While
 
 NODES: dict[str, type[Any]] = {
@@ -36,17 +36,17 @@ Stack = tuple[int, ...]
 """The states of the parser that are open: all that it remembers of the tokens so far."""
 
 
-def _spellings(domain: Domain, python: bool) -> dict[str, dict[str | int, str]]:
+def _spellings(python: bool) -> dict[str, dict[str | int, str]]:
     """For each kind of word that a domain has its own of: how each of its values is written in a form."""
-    spelt: Callable[[str], str] = domain.spelt if python else str
-    perceptions: dict[str | int, str] = {word: spelt(word) for word in domain.perceptions}
+    spelt: Callable[[str], str] = CHOSEN.spelt if python else str
+    perceptions: dict[str | int, str] = {word: spelt(word) for word in CHOSEN.perceptions}
     return {
-        "ACTION": {word: spelt(word) for word in domain.actions},
-        "PERCEPTION": perceptions if domain.things else {},
-        "SENSE": {} if domain.things else perceptions,
-        "THING": {word: word for word in domain.things},
-        "TIMES": {count: str(count) for count in domain.counts},
-        "COUNT": {count: f"R={count}" for count in domain.counts},
+        "ACTION": {word: spelt(word) for word in CHOSEN.actions},
+        "PERCEPTION": perceptions if CHOSEN.things else {},
+        "SENSE": {} if CHOSEN.things else perceptions,
+        "THING": {word: word for word in CHOSEN.things},
+        "TIMES": {count: str(count) for count in CHOSEN.counts},
+        "COUNT": {count: f"R={count}" for count in CHOSEN.counts},
     }
 
 
@@ -88,12 +88,11 @@ class Indentation(Indenter):
 
 
 class Form:
-    """One of the two ways to write a program, as read off the grammar file, with the words of a domain.
+    """One of the two ways to write a program, as read off the grammar file, with the domain's words.
 
     Args:
         start: the rule that a whole text in this form follows.
         python: whether lines and indentation count, and actions are written in lower case.
-        domain: whose words.
 
     Attributes:
         words: for each terminal, its words in alphabetical order; none for line ends and indentation.
@@ -102,9 +101,9 @@ class Form:
         table: the parse table.
     """
 
-    def __init__(self, start: str, python: bool, domain: Domain = CHOSEN) -> None:
+    def __init__(self, start: str, python: bool) -> None:
         self._python = python
-        self.spelling = _spellings(domain, python)
+        self.spelling = _spellings(python)
         self.words: dict[str, tuple[str, ...]] = {}
         self._lock = Lock()
         self.lark = Lark.open(

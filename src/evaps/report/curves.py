@@ -120,14 +120,16 @@ def learning(folder: Path) -> Figure:
     """
     files = sorted(folder.glob("*-*.jsonl"))
     trainings = Counter(path.stem.rpartition("-")[0] for path in files)
-    panels: dict[str, dict[str, Line]] = {"loss": {}, "solved by the first four programs (%)": {}}
+    loss: dict[str, Line] = {}
+    solved: dict[str, Line] = {}
     for path in files:
         method, _, seed = path.stem.rpartition("-")
         rows = [json.loads(line) for line in read_text(path).splitlines()]
         found = [row for row in rows if "validation_solved" in row]
         label = name_of(method) + (f", seed {seed}" if trainings[method] > 1 else "")
-        for (_, lines), key, unit in zip(panels.items(), ("loss", "solved"), (1, 100), strict=True):
-            if found:
-                values = [unit * row[f"validation_{key}"] for row in found]
-                lines[label] = Line([row["step"] for row in found], values)
+        if found:
+            steps = [row["step"] for row in found]
+            loss[label] = Line(steps, [row["validation_loss"] for row in found])
+            solved[label] = Line(steps, [100 * row["validation_solved"] for row in found])
+    panels = {"loss": loss, "solved by the first four programs (%)": solved}
     return Figure(panels, "batches", "validation", share_y=False)

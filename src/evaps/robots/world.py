@@ -93,6 +93,7 @@ def _check(found: World, where: str) -> None:
         robot = found.robot()
         robot.reset(scene)
         frame = robot.observe()
+        robot.close()
     except Exception as error:
         raise UserError(f"{where} fails on a random scene: {type(error).__name__}: {error}") from error
     if not isinstance(frame, PaletteFrame):
