@@ -7,6 +7,8 @@ import json
 import os
 import signal
 import time
+from contextlib import closing
+from itertools import count
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -16,9 +18,15 @@ import pytest
 from engine_processes import find_engines
 from fastapi.testclient import TestClient
 
+from evaps.dsl import run
+from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.doom import DoomRobot
+from evaps.robots.frames import frame_match
+from evaps.robots.memo import MemoRobot
 from evaps.studio.forms import TaskForm, example_json, read_task
 from evaps.studio.guard import MOST_BYTES
+from evaps.tasks.dataset import split_of
+from evaps.tasks.generate import generate_task
 from evaps.tasks.task import load_task
 
 from .conftest import TASKS
@@ -43,6 +51,28 @@ def test_the_page_and_its_parts_are_there(client: TestClient) -> None:
     assert "javascript" in client.get("/studio.js").headers["content-type"]
     assert "text/css" in client.get("/studio.css").headers["content-type"]
     assert client.get("/secret.txt").status_code == 404
+
+
+def test_who_can_answer_is_who_has_a_checkpoint(client: TestClient) -> None:
+    methods = client.get("/api/facts").json()["methods"]
+    assert methods[0] == "verified"
+    assert {"evaps", "lgrl"} < set(methods)
+    assert "sed" not in methods
+
+
+def test_a_random_task_is_one_that_no_method_has_learned_from(client: TestClient) -> None:
+    drawn = client.post("/api/random-task").json()
+    seed = int(drawn["name"].removeprefix("random-"))
+    with closing(DoomRobot()) as robot:
+        memo = MemoRobot(robot, PERCEPTION_KEYS, eager=False)
+        drafts = (generate_task(seed, index, memo) for index in count())
+        draft = next(d for d in drafts if split_of(d.program) == "test")
+        assert [e["scene"] for e in drawn["examples"]] == [s.to_json() for s in draft.scenes[:5]]
+        form = TaskForm.model_validate(drawn)
+        for example in read_task(form, robot).examples:
+            robot.reset(example.scene)
+            run(draft.program, robot)
+            assert frame_match(robot.observe(), example.goal)
 
 
 def test_a_scene_is_shown(client: TestClient) -> None:
@@ -75,7 +105,12 @@ def test_a_wrong_program_is_told_where(client: TestClient) -> None:
         ("check", {"program": "x" * 20_000}, 422, "program"),
         ("synthesize", {"examples": [{"scene": SCENE}] * 4}, 422, "examples"),
         ("synthesize", {"examples": [{"scene": SCENE}] * 5}, 422, "example 1: it has no goal"),
-        ("task.zip", {"name": "../up", "examples": [{"scene": SCENE, "program": PROGRAM}] * 5}, 422, "name"),
+        (
+            "task.zip",
+            {"name": "../up", "examples": [{"scene": SCENE, "program": PROGRAM}] * 5},
+            422,
+            "name: begin with a letter or digit",
+        ),
     ],
 )
 def test_what_is_wrong_is_one_line(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -109,6 +110,16 @@ def test_a_task_is_loaded_and_saved(page: Page) -> None:
     assert download.value.suggested_filename == f"{TASKS[0].name}.zip"
 
 
+def test_a_random_task_is_drawn_and_worked_on_for_as_much_as_is_said(page: Page) -> None:
+    page.get_by_role("button", name="Random test task").click()
+    expect(page.locator("#task-name")).to_have_value(re.compile("random-"))
+    expect(page.locator("#examples img[src]")).to_have_count(10)
+    page.get_by_label("simulated actions").fill("150")
+    page.get_by_role("button", name="Synthesize").click()
+    expect(page.locator("#verdict")).to_be_visible()
+    expect(page.locator("#progress")).to_contain_text("of 150 actions")
+
+
 @pytest.mark.parametrize("width", [390, 768, 1280])
 def test_nothing_sticks_out_at_any_width(page: Page, width: int) -> None:
     page.set_viewport_size({"width": width, "height": 844})
@@ -130,6 +141,9 @@ def karel() -> Iterator[str]:
 def test_karel_is_driven_and_runs_programs(page: Page, karel: str) -> None:
     page.goto(karel)
     expect(page.locator("#perceptions")).to_contain_text("no markers present: yes")
+    expect(page.locator("#depth")).to_be_hidden()
+    expect(page.locator("#map .grid")).to_have_count(34)
+    expect(page.locator("#map rect.Wall").first).to_be_visible()
     page.get_by_role("button", name="put marker", exact=True).click()
     page.keyboard.press("4")
     expect(page.locator("#driven")).to_have_text("put marker, turn left")

@@ -34,7 +34,7 @@ def test_moments_are_those_of_the_run(robot: MemoRobot) -> None:
 @pytest.mark.parametrize("name", ["film.gif", "film.png"])
 def test_every_moment_is_in_the_film(robot: MemoRobot, tmp_path: Path, name: str) -> None:
     _, moments = record(PROGRAM, SCENE, robot)
-    save_film(tmp_path / name, PROGRAM, moments)
+    save_film(tmp_path / name, PROGRAM, SCENE, moments)
     with Picture.open(tmp_path / name) as film:
         if name.endswith("gif"):
             assert film.n_frames == len(moments)  # type: ignore[attr-defined]
@@ -52,4 +52,4 @@ def test_every_moment_is_in_the_film(robot: MemoRobot, tmp_path: Path, name: str
 
 def test_other_names_are_told(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"must end in \.gif or \.png"):
-        save_film(tmp_path / "film.mp4", PROGRAM, [])
+        save_film(tmp_path / "film.mp4", PROGRAM, SCENE, [])

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from evaps.domain import CHOSEN
+
 
 @dataclass(frozen=True)
 class Action:
@@ -24,6 +26,11 @@ class Perception:
     def key(self) -> str:
         """What a robot is asked: the words of the token form, joined by a space."""
         return self.name if self.thing is None else f"{self.name} {self.thing}"
+
+    @property
+    def python(self) -> str:
+        """How it is written in the Python form, such as ``is_there(Demon)``."""
+        return f"{CHOSEN.spelt(self.name)}({self.thing or ''})"
 
 
 @dataclass(frozen=True)

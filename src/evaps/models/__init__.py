@@ -199,6 +199,13 @@ def model_folder(name: str | Path) -> Path:
     return folder
 
 
+def methods_in(folder: Path) -> list[str]:
+    """The methods whose checkpoints are in a folder; verified synthesis first, if it is one of them."""
+    names = (VERIFIED, *METHODS, *(name for name in SEARCHES if name != VERIFIED))
+    needed = {name: SEARCHES.get(name, ("encoder", name)) for name in names}  # without importing any
+    return [m for m in names if all((folder / part / "config.json").exists() for part in needed[m])]
+
+
 def load_inverse(folder: Path) -> InverseModel:
     """An inverse model from its checkpoint.
 

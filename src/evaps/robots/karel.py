@@ -260,6 +260,9 @@ def _world(version: str, window: bool) -> World:
         places=dict.fromkeys(("robot", "things"), ((1, LARGEST + 1), (1, LARGEST + 1))),
         kinds=("Wall", "Marker"),
         headings=90,
+        grid=1,
+        blocks=("Wall",),
+        depth=False,
     )
 
 

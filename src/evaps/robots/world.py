@@ -39,6 +39,9 @@ class World:
         kinds: of things that the studio adds to a scene; all that have a radius, if not given.
         places: where on the map the ``robot`` and ``things`` may be put, ``(x, y)``; all of it if not given.
         headings: degrees between two directions that the robot may look in.
+        grid: for maps: the side of a cell, in units of the world; 0 where there are none.
+        blocks: kinds of things that a map shows as squares, twice their radius wide, rather than as circles.
+        depth: whether the depth says anything; if not, it is not shown.
         start: the scene that the studio begins with; a random one if not given.
     """
 
@@ -55,6 +58,9 @@ class World:
     kinds: tuple[str, ...] | None = None
     places: Mapping[str, tuple[Range, Range]] = field(default_factory=dict)
     headings: int = 1
+    grid: float = 0
+    blocks: tuple[str, ...] = ()
+    depth: bool = True
     start: Scene | None = None
 
 
@@ -103,3 +109,5 @@ def _check(found: World, where: str) -> None:
             raise UserError(
                 f"{where} says that a view is uint8 of {found.size}, and it is {plane.dtype} of {plane.shape}"
             )
+    if not (frame.rgb.any(-1) | (frame.depth > 0)).all():
+        raise UserError(f"{where} shows black pixels at depth 0, which stand for those that noise takes away")

@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 from functools import cache
 from io import BytesIO
 from pathlib import Path
+from random import randrange
 from tempfile import TemporaryDirectory
 from typing import Any
 from zipfile import ZipFile
@@ -19,8 +20,11 @@ from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from starlette.exceptions import HTTPException
 
 from evaps.dsl import Program, UserError
-from evaps.models import Model, load_model
+from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.models import VERIFIED, Model, load_model, methods_in, model_folder
+from evaps.models.checkpoint import CheckpointError
 from evaps.robots.base import EngineError
+from evaps.robots.memo import MemoRobot
 from evaps.robots.world import world
 from evaps.studio import forms
 from evaps.studio.engines import Engines
@@ -28,14 +32,15 @@ from evaps.studio.facts import facts_of
 from evaps.studio.guard import guard
 from evaps.studio.search import Job, Searches, lines_of
 from evaps.synthesis import Budget
+from evaps.tasks.generate import test_task
 from evaps.tasks.task import EXAMPLES, load_task, save_task
 from evaps.viewer.film import look, record
 from evaps.viewer.page import COLOURS
 
 PAGE = Path(__file__).parent / "page"
 PARTS = {path.name: path for path in (PAGE / "studio.js", PAGE / "studio.css", COLOURS)}
+MOST_SEEDS = 1_000_000  # of random tasks
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-METHODS = ("verified", "evaps", "lgrl")
 
 
 def create_app(
@@ -77,7 +82,8 @@ def create_app(
 
     @app.get("/api/facts")
     def facts() -> dict[str, Any]:
-        return {**facts_of(world()), "methods": METHODS, "examples": EXAMPLES, "tasks": sorted(folders)}
+        methods = _methods(model)
+        return {**facts_of(world()), "methods": methods, "examples": EXAMPLES, "tasks": sorted(folders)}
 
     @app.get("/api/health")
     def health() -> dict[str, int]:
@@ -91,10 +97,13 @@ def create_app(
     def task(name: str) -> dict[str, Any]:
         if name not in folders:
             raise HTTPException(404, f"there is no task {name!r}")
-        return {
-            "name": name,
-            "examples": [forms.example_json(example) for example in load_task(folders[name]).examples],
-        }
+        return forms.task_json(load_task(folders[name]))
+
+    @app.post("/api/random-task")
+    def random_task() -> dict[str, Any]:
+        with engines.robot() as robot:
+            memo = MemoRobot(robot, PERCEPTION_KEYS, eager=False)
+            return forms.task_json(test_task(randrange(MOST_SEEDS), memo))
 
     @app.post("/api/check")
     def check(form: forms.ProgramForm) -> dict[str, Any]:
@@ -148,6 +157,14 @@ def _model(model: str, method: str) -> Model:
     return load_model(model, method)
 
 
+def _methods(model: str) -> list[str]:
+    """Who can answer; where nobody can, pressing the button tells why."""
+    try:
+        return methods_in(model_folder(model)) or [VERIFIED]
+    except CheckpointError:
+        return [VERIFIED]
+
+
 def _spoken(job: Job) -> Iterator[str]:
     """Line after line as JSON; if nobody listens any longer, the search is stopped."""
     try:
@@ -177,7 +194,7 @@ def _tell_errors(app: FastAPI) -> None:
     def malformed(_: Request, error: RequestValidationError) -> JSONResponse:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"] if part != "body")
-        return JSONResponse({"error": f"{where}: {first['msg']}"}, 422)
+        return JSONResponse({"error": f"{where}: {first['msg'].removeprefix('Value error, ')}"}, 422)
 
     @app.exception_handler(EngineError)
     def broken(_: Request, error: EngineError) -> JSONResponse:

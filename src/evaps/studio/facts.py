@@ -34,7 +34,7 @@ def facts_of(here: World) -> dict[str, Any]:
         keys = list(zip(KEYS, ACTIONS, strict=False))
         words = {action: _read_aloud(action) for action in ACTIONS}
     actions = {action: f"{CHOSEN.spelt(action)}()" for action in ACTIONS}
-    conditions = [f"{CHOSEN.spelt(p.name)}({p.thing or ''})" for p in PERCEPTIONS]
+    conditions = [p.python for p in PERCEPTIONS]
     program = f"def run():\n    if {conditions[0]}:\n        {actions[ACTIONS[0]]}\n"
     if CHOSEN is DOOM:
         program = "def run():\n    while not in_target(Demon):\n        turn_left()\n    attack()\n"
@@ -45,6 +45,9 @@ def facts_of(here: World) -> dict[str, Any]:
         "radii": here.radii,
         "kinds": here.kinds if here.kinds is not None else [k for k in here.radii if k != "robot"],
         "headings": here.headings,
+        "grid": here.grid,
+        "blocks": here.blocks,
+        "depth": here.depth,
         "tolerance": CHOSEN.tolerance,
         "budget": CHOSEN.budget,
         "scene": start.to_json(),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import base64
 import binascii
+import re
 from io import BytesIO
 from typing import Any
 
 import numpy as np
 from PIL import Image as Picture
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from evaps.domain import CHOSEN
 from evaps.dsl import Program, ProgramError, Trace, UserError
@@ -55,8 +56,17 @@ class ExampleForm(Form):
 class TaskForm(Form):
     """Five examples."""
 
-    name: str = Field("task", pattern=r"^[A-Za-z0-9][A-Za-z0-9 _-]{0,60}$")
+    name: str = "task"
     examples: list[ExampleForm] = Field(min_length=EXAMPLES, max_length=EXAMPLES)
+
+    @field_validator("name")
+    @classmethod
+    def _can_be_a_folder(cls, name: str) -> str:
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9 _-]{0,60}", name):
+            raise ValueError(
+                "begin with a letter or digit; then at most 60 letters, digits, spaces, hyphens, underscores"
+            )
+        return name
 
 
 class SynthesisForm(TaskForm):
@@ -153,6 +163,11 @@ def moment_json(moment: Moment) -> dict[str, Any]:
 def view_json(view: Observation) -> dict[str, str]:
     """Colours and depth as PNGs in data URIs; depth is exact, and dark where it is near."""
     return {"rgb": data_uri(rgb_png(view.rgb)), "depth": data_uri(depth_png(view.depth, 255))}
+
+
+def task_json(task: Task) -> dict[str, Any]:
+    """A task as :class:`TaskForm` takes it."""
+    return {"name": task.name, "examples": [example_json(example) for example in task.examples]}
 
 
 def example_json(example: Example) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, takewhile
 
 import numpy as np
 
@@ -214,7 +214,8 @@ class _Search:
         """Programs for the scenes where the goal was reached, or for all but one, and LGRL's candidates."""
         reached = [i for i, scene in enumerate(self.traces.scenes) if scene.goals]
         parts = combinations(reached, min(len(reached), len(self.traces.scenes) - 1))
-        programs = [p for part in parts if part for p in self._explainer(part, SOME).programs()]
+        going_on = takewhile(lambda _: not self.watch.stopped(), filter(None, parts))
+        programs = [p for part in going_on for p in self._explainer(part, SOME).programs()]
         if not self.proposals and self.parts.beam:
             self._propose()
         return list(dict.fromkeys([*programs, *self.proposals])) or [NOTHING_FOUND]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
@@ -14,8 +15,9 @@ from evaps.robots.base import Scene, WorldState
 from evaps.robots.frames import Observation
 from evaps.robots.memo import MemoRobot, RememberedView
 from evaps.robots.world import world
+from evaps.tasks.dataset import split_of
 from evaps.tasks.questions import Asker, Endless, OpenProgram, Seen, Unanswered
-from evaps.tasks.task import EXAMPLES
+from evaps.tasks.task import EXAMPLES, Example, Task
 
 SCENES = 8  # drawn for a task; six of them become its examples
 PROGRAMS = 24  # tried on these scenes before new ones are drawn
@@ -71,6 +73,14 @@ def generate_task(seed: int, index: int, robot: MemoRobot, config: SamplerConfig
             draft = draft_task(OpenProgram(program), scenes, robot, rng, most)
             if draft is not None:
                 return draft
+
+
+def test_task(seed: int, robot: MemoRobot) -> Task:
+    """The first task of this seed whose program belongs to the test split: no method has learned from it."""
+    drafts = (generate_task(seed, index, robot) for index in count())
+    draft = next(d for d in drafts if split_of(d.program) == "test")
+    examples = map(Example, draft.scenes[:EXAMPLES], draft.last[:EXAMPLES])
+    return Task(f"random-{seed}", tuple(examples))
 
 
 def draft_task(

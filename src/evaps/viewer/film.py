@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -14,7 +15,7 @@ from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
 
 from evaps.dsl import Program, Trace, UserError, run
-from evaps.dsl.sampler import PERCEPTION_KEYS
+from evaps.dsl.sampler import PERCEPTION_KEYS, PERCEPTIONS
 from evaps.files import write_atomically
 from evaps.robots.base import Robot, Scene, WorldState
 from evaps.robots.frames import Observation
@@ -27,6 +28,7 @@ FEW = 12  # things that are named on the map
 LINE = 18
 SECONDS = 0.8  # that each moment of a GIF is shown
 INK, PAPER, MARK, FAINT = (32, 32, 40), (250, 250, 248), (255, 228, 140), (140, 140, 150)
+GRID, BLOCK = (214, 214, 206), (130, 74, 46)
 ROBOT, ALIVE, DEAD = (30, 90, 200), (200, 60, 40), (170, 170, 170)
 
 
@@ -83,14 +85,14 @@ def record(program: Program, scene: Scene, robot: Robot) -> tuple[Trace[Observat
     return trace, moments
 
 
-def save_film(path: Path, program: Program, moments: Sequence[Moment]) -> None:
+def save_film(path: Path, program: Program, scene: Scene, moments: Sequence[Moment]) -> None:
     """Write a GIF that plays, or a PNG in which the moments stand below one another.
 
     Raises:
         UserError: the name ends in neither ``.gif`` nor ``.png``.
     """
     check_film(path)
-    pictures = [draw(program, moments, time) for time in range(len(moments))]
+    pictures = [draw(program, scene, moments, time) for time in range(len(moments))]
     out = BytesIO()
     if path.suffix == ".gif":
         rest: dict[str, Any] = dict(append_images=pictures[1:], save_all=True, loop=0)
@@ -128,7 +130,7 @@ def _strip(pictures: Sequence[Picture.Image]) -> Picture.Image:
     return strip
 
 
-def draw(program: Program, moments: Sequence[Moment], time: int) -> Picture.Image:
+def draw(program: Program, scene: Scene, moments: Sequence[Moment], time: int) -> Picture.Image:
     """The picture of one moment: view, map, program and perceptions."""
     moment = moments[time]
     view = _view_size()
@@ -140,7 +142,7 @@ def draw(program: Program, moments: Sequence[Moment], time: int) -> Picture.Imag
     pen = ImageDraw.Draw(picture)
     pen.text((left, MARGIN - 4), f"after {time} of {len(moments) - 1} actions", INK, _font())
     picture.paste(Picture.fromarray(moment.view.rgb).resize(view, Picture.Resampling.NEAREST), (left, top))
-    picture.paste(_map([m.state for m in moments[: time + 1]]), (left, middle))
+    picture.paste(_map(scene, [m.state for m in moments[: time + 1]]), (left, middle))
     _write(pen, program, moment, (right, top))
     return picture
 
@@ -156,33 +158,49 @@ def _write(pen: ImageDraw.ImageDraw, program: Program, moment: Moment, at: tuple
         pen.text((x, y), text, INK, _font())
         y += LINE
     y += LINE
-    for key in PERCEPTION_KEYS:
-        true = key in moment.perceived
-        pen.text((x, y), f"{'yes' if true else 'no':4} {key}", INK if true else FAINT, _font())
+    for perception in PERCEPTIONS:
+        true = perception.key in moment.perceived
+        pen.text((x, y), f"{'yes' if true else 'no':4} {perception.python}", INK if true else FAINT, _font())
         y += LINE
 
 
-def _map(states: Sequence[WorldState]) -> Picture.Image:
-    """The arena from above, north up: the robot, the way that it came, and the things."""
+def _map(scene: Scene, states: Sequence[WorldState]) -> Picture.Image:
+    """The arena from above, north up: the robot, the way that it came, the things, and what stays."""
     width, height = _map_size()
     picture = Picture.new("RGB", (width, height), (236, 236, 230))
     pen = ImageDraw.Draw(picture)
     pen.rectangle((0, 0, width - 1, height - 1), outline=INK)
+    _draw_grid(pen)
+    for block in scene.things:
+        if block.kind in world().blocks:
+            half = world().radii[block.kind]
+            corners = _place(block.x - half, block.y + half), _place(block.x + half, block.y - half)
+            pen.rectangle(corners, fill=BLOCK)
     way = [_place(state.robot.x, state.robot.y) for state in states]
     if len(way) > 1:
         pen.line(way, fill=ROBOT, width=1)
-    for thing in states[-1].things:
+    for thing, number in Counter(states[-1].things).items():
         x, y = _place(thing.x, thing.y)
         color = ALIVE if thing.alive else DEAD
         pen.ellipse((x - 6, y - 6, x + 6, y + 6), fill=color)
-        if len(states[-1].things) <= FEW:  # else names would cover one another
-            pen.text((x + 8, y - 7), thing.kind, color, _font())
+        name = thing.kind if len(states[-1].things) <= FEW else ""  # else names would cover one another
+        pen.text((x + 8, y - 7), f"{number} {name}" if number > 1 else name, color, _font())
     x, y = way[-1]
     heading = np.deg2rad(states[-1].robot.heading)
     tip = (x + 16 * math.cos(heading), y - 16 * math.sin(heading))
     pen.ellipse((x - 6, y - 6, x + 6, y + 6), fill=ROBOT)
     pen.line([(x, y), tip], fill=ROBOT, width=3)
     return picture
+
+
+def _draw_grid(pen: ImageDraw.ImageDraw) -> None:
+    (west, east), (south, north) = world().x, world().y
+    for n in range(1, round((east - west) / world().grid) if world().grid else 0):
+        x, _ = _place(west + n * world().grid, south)
+        pen.line((x, 0, x, _map_size()[1]), fill=GRID)
+    for n in range(1, round((north - south) / world().grid) if world().grid else 0):
+        _, y = _place(west, south + n * world().grid)
+        pen.line((0, y, WIDTH, y), fill=GRID)
 
 
 def _place(x: float, y: float) -> tuple[float, float]:

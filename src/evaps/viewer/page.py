@@ -9,6 +9,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from evaps.dsl import token_type
 from evaps.files import write_atomically
+from evaps.robots.world import world
 from evaps.viewer.highlight import python_spans
 from evaps.viewer.pictures import Pictures
 from evaps.viewer.story import TaskReport, line_views, rounds, steps, telling_example
@@ -54,6 +55,7 @@ def render_page(reports: Sequence[TaskReport], title: str = TITLE, lead: Sequenc
         most_examples=max((len(r.task.examples) for r in reports), default=0),
         furthest=max((int(e.goal.depth.max()) for r in reports for e in r.task.examples), default=0),
         checks_shown=CHECKS_SHOWN,
+        depth_says_something=world().depth,
     )
 
 

@@ -129,13 +129,18 @@ function drawMap(keep) {
     shape("polyline", { class: "way", points: way }, map);
     marker(map, now.x, now.y, now.heading, "ghost");
   }
+  for (let at = facts.grid; at && at < span(facts.arena.x); at += facts.grid)
+    shape("line", { class: "grid", x1: at * scale(), x2: at * scale(), y2: "100%" }, map);
+  for (let at = facts.grid; at && at < span(facts.arena.y); at += facts.grid)
+    shape("line", { class: "grid", y1: at * scale(), y2: at * scale(), x2: "100%" }, map);
   state.scene.things.forEach((thing, index) => {
     const gone = now && there(moments[0].state, thing) && !there(now, thing);
     const group = item(map, thing, `${thing.kind} ${index + 1}`, gone);
-    shape("circle", { class: `body ${thing.kind}`, r: radius(thing.kind) }, group);
+    body(thing.kind, group);
     shape("circle", { class: "hit", r: Math.max(24, radius(thing.kind)) }, group);
-    if (radius(thing.kind) > 15) // else it would cover its neighbours
-      shape("text", { y: 5, "text-anchor": "middle" }, group).textContent = thing.kind;
+    const alike = state.scene.things.filter((t) => t.kind === thing.kind && t.x === thing.x && t.y === thing.y).length;
+    const name = alike > 1 ? alike : radius(thing.kind) > 20 ? thing.kind : ""; // it must not cover its neighbours
+    shape("text", { y: 5, "text-anchor": "middle" }, group).textContent = name;
   });
   const robot = item(map, state.scene.robot, `The robot, heading ${state.scene.robot.heading} degrees`, false);
   shape("circle", { class: "body robot", r: radius("robot") }, robot);
@@ -143,6 +148,13 @@ function drawMap(keep) {
   const angle = (state.scene.robot.heading * Math.PI) / 180;
   shape("line", { x2: (radius("robot") + 24) * Math.cos(angle), y2: -(radius("robot") + 24) * Math.sin(angle), stroke: "var(--accent)", "stroke-width": 6 }, robot);
   if (keep !== undefined) map.querySelectorAll(".thing")[keep]?.focus();
+}
+
+function body(kind, group) {
+  const r = radius(kind);
+  const square = { x: -r, y: -r, width: 2 * r, height: 2 * r };
+  const [name, size] = facts.blocks.includes(kind) ? ["rect", square] : ["circle", { r }];
+  shape(name, { class: `body ${kind}`, ...size }, group);
 }
 
 const near = (a, b) => Math.hypot(a.x - b.x, a.y - b.y) <= facts.tolerance;
@@ -381,8 +393,7 @@ async function go(index) {
   await refresh(state.byHand);
 }
 
-async function load(name) {
-  const task = await askJson(`api/tasks/${encodeURIComponent(name)}`);
+async function load(task) {
   state.examples = task.examples;
   $("task-name").value = task.name;
   drawExamples();
@@ -418,7 +429,7 @@ async function synthesize() {
   drawExamples();
   try {
     const reply = await ask("api/synthesize",
-      { ...asTask(), method: $("method").value, seconds: Number($("seconds").value) });
+      { ...asTask(), method: $("method").value, seconds: Number($("seconds").value), actions: Number($("actions").value) });
     $("stop").hidden = false;
     for await (const line of linesOf(reply)) hear(line);
     await tellReplaced();
@@ -449,7 +460,7 @@ function hear(line) {
   if (line.job) state.job = line.job;
   if (line.news) {
     const passed = line.passed.filter(Boolean).length;
-    $("progress").textContent = `${passed} of ${line.passed.length} goals, ${line.actions} of ${facts.budget} actions simulated, ${line.seconds.toFixed(1)} s`;
+    $("progress").textContent = `${passed} of ${line.passed.length} goals, ${line.actions} of ${$("actions").value} actions simulated, ${line.seconds.toFixed(1)} s`;
     const entry = document.createElement("li");
     entry.textContent = `${line.seconds.toFixed(1)} s: ${line.news}`;
     if (line.python) {
@@ -495,7 +506,8 @@ function listen() {
   on("run", runProgram);
   on("five", makeFive);
   on("keep", () => { state.examples.push(exampleOf(state.scene, state.run)); drawExamples(); });
-  on("tasks", async () => { if ($("tasks").value) await load($("tasks").value); }, "change");
+  on("tasks", async () => { if ($("tasks").value) await load(await askJson(`api/tasks/${encodeURIComponent($("tasks").value)}`)); }, "change");
+  on("random-task", async () => { await load(await askJson("api/random-task", {})); });
   on("save", save);
   on("clear", () => { state.examples = []; $("result").hidden = true; $("log").replaceChildren(); $("progress").textContent = ""; drawExamples(); });
   on("synthesize", synthesize);
@@ -533,6 +545,8 @@ async function begin() {
   $("tasks").append(...facts.tasks.map((name) => new Option(name, name)));
   $("method").append(...facts.methods.map((name) => new Option(name, name)));
   $("code").value = facts.program;
+  $("actions").value = facts.budget;
+  $("depth").closest("figure").hidden = !facts.depth;
   listen();
   drawExamples();
   drawMap();
