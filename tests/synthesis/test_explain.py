@@ -9,8 +9,9 @@ from evaps.dsl.sampler import PERCEPTION_KEYS, sample_program
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.scenes import random_scene
-from evaps.synthesis.explain import CONDITIONS, Explainer, Limits, cost_of
+from evaps.synthesis.explain import Explainer, Limits, cost_of
 from evaps.synthesis.graph import Graph
+from evaps.synthesis.known import CONDITIONS
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +40,15 @@ def test_actions_alone_are_found_word_by_word(memo: MemoRobot) -> None:
     program = Program.parse("DEF run m( MOVE_LEFT TURN_RIGHT ATTACK m)")
     graphs, _ = graphs_of(program, memo, 0)
     assert Explainer(graphs, Limits()).programs() == [program]
+
+
+def test_who_is_stopped_comes_back_with_what_there_is(memo: MemoRobot) -> None:
+    program = Program.parse("DEF run m( MOVE_LEFT TURN_RIGHT ATTACK m)")
+    graphs, _ = graphs_of(program, memo, 0)
+    asked = iter([False] * 3)
+    explainer = Explainer(graphs, Limits(), lambda: next(asked, True))
+    assert explainer.programs() == []
+    assert next(asked, None) is None, "it has asked"
 
 
 @pytest.mark.parametrize(

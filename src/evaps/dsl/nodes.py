@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 from evaps.domain import CHOSEN
@@ -22,7 +23,7 @@ class Perception:
     name: str
     thing: str | None = None
 
-    @property
+    @cached_property
     def key(self) -> str:
         """What a robot is asked: the words of the token form, joined by a space."""
         return self.name if self.thing is None else f"{self.name} {self.thing}"

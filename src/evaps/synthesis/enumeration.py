@@ -16,7 +16,8 @@ from evaps.robots.memo import MemoRobot
 from evaps.robots.noise import goal_match
 from evaps.robots.together import run_together
 from evaps.synthesis.budget import USUAL_BUDGET, Budget, Meter
-from evaps.synthesis.explain import CONDITIONS, cost_of
+from evaps.synthesis.explain import cost_of
+from evaps.synthesis.known import CONDITIONS
 from evaps.synthesis.solution import Candidate, Solution, attempt_all
 from evaps.tasks.task import Task
 

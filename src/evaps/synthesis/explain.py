@@ -10,32 +10,32 @@ from __future__ import annotations
 
 import heapq
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import count, product
 from typing import ClassVar
 
 from evaps.dsl import Program
-from evaps.dsl.nodes import Action, Body, Condition, If, IfElse, Not, Repeat, Statement, While
-from evaps.dsl.sampler import COUNTS, MAX_TOKENS, PERCEPTIONS
+from evaps.dsl.nodes import Action, Body, Condition, If, IfElse, Repeat, Statement, While
+from evaps.dsl.sampler import COUNTS, MAX_TOKENS
 from evaps.robots.memo import Node
 from evaps.synthesis.graph import Graph
+from evaps.synthesis.known import CONDITIONS, Block, Known
 
 # Costs are about -log2 of what a construct has as a probability in a random program (`evaps.dsl.sampler`).
 ACTION, BRANCH, LOOP = 4, 5, 5
 PER_STATE = 4  # ways to the same state that are followed
-MOST_TURNS = 24  # of a loop
 
 State = tuple[Node, ...]
-Bodies = dict[State, tuple[int, int, Body]]
-"""For each state that a block may lead to its cheapest body: what it costs, its conditions, and itself."""
+Bodies = dict[State, tuple[int, int, Block]]
+"""For each state that a block may lead to the cheapest one: what it costs, its conditions, and itself."""
 
 
 Scenes = tuple[int, ...]
 """The scenes that a block runs in, in the order of its state."""
 Steps = Iterator[tuple[int, int, Statement, State]]
 """What may come next: its cost, its conditions, the statement, and where it leads."""
-CONDITIONS: tuple[Condition, ...] = (*PERCEPTIONS, *map(Not, PERCEPTIONS))
 DEEPEST = 3  # blocks in one another
 
 
@@ -53,24 +53,29 @@ class Split:
     scenes: Scenes
     mask: tuple[bool, ...]
 
+    @cached_property
+    def places(self) -> list[int]:
+        """Where in the state the scenes are in which the condition holds."""
+        return [place for place, is_in in enumerate(self.mask) if is_in]
+
     @property
     def part(self) -> tuple[State, Scenes]:
         """The part of the state in which the condition holds."""
-        there = [(n, s) for n, s, is_in in zip(self.state, self.scenes, self.mask, strict=True) if is_in]
-        return tuple(n for n, _ in there), tuple(s for _, s in there)
+        return tuple(self.state[i] for i in self.places), tuple(self.scenes[i] for i in self.places)
 
-    @property
+    @cached_property
     def others(self) -> Split:
         """The same for the opposite condition."""
         return Split(self.state, self.scenes, tuple(not is_in for is_in in self.mask))
 
     def merged(self, after: State, otherwise: State | None = None) -> State:
         """The whole state when its part has become another, and, if that is given, the rest too."""
-        one, other = iter(after), iter(otherwise or ())
-        return tuple(
-            next(one) if is_in else (next(other) if otherwise else node)
-            for node, is_in in zip(self.state, self.mask, strict=True)
-        )
+        whole = list(self.state)
+        for place, node in zip(self.places, after, strict=True):
+            whole[place] = node
+        for place, node in zip(self.others.places, otherwise, strict=True) if otherwise else ():
+            whole[place] = node
+        return tuple(whole)
 
 
 @dataclass(frozen=True)
@@ -116,13 +121,16 @@ class Explainer:
     Args:
         graphs: one for each scene.
         limits: how far to go.
+        stopped: asked now and then; once it is true, the search comes back with what it has.
     """
 
-    def __init__(self, graphs: Sequence[Graph], limits: Limits) -> None:
-        self.graphs, self.limits = graphs, limits
+    def __init__(
+        self, graphs: Sequence[Graph], limits: Limits, stopped: Callable[[], bool] = lambda: False
+    ) -> None:
+        self.graphs, self.limits, self.stopped = graphs, limits, stopped
+        self.known = Known(graphs)
         self._work = limits.work
         self._blocks: dict[tuple[State, tuple[int, ...], int, int, int], Bodies] = {}
-        self._true: dict[Node, frozenset[str]] = {}
 
     def programs(self) -> list[Program]:
         """Programs that lead to the goals of all scenes, the shortest first."""
@@ -139,7 +147,7 @@ class Explainer:
         visits: dict[tuple[State, int], int] = defaultdict(int)
         found: dict[Program, int] = {}
         most = self.limits.cost
-        while queue and len(found) < self.limits.programs and self._work > 0:
+        while queue and len(found) < self.limits.programs and self._goes_on():
             estimate, _, cost, state, left, body = heapq.heappop(queue)
             if estimate > most:
                 break
@@ -158,6 +166,11 @@ class Explainer:
                     entry = (ahead, next(order), cost + more, after, left - used, (*body, statement))
                     heapq.heappush(queue, entry)
         return sorted(found, key=lambda p: found[p])
+
+    def _goes_on(self) -> bool:
+        if self.stopped():
+            self._work = 0
+        return self._work > 0
 
     def _is_goal(self, state: State) -> bool:
         return all(node in graph.goals for node, graph in zip(state, self.graphs, strict=True))
@@ -210,8 +223,8 @@ class Explainer:
     def _conditionals(self, state: State, scenes: Scenes, budget: int, left: int, depth: int) -> Steps:
         """Of conditions that tell the scenes apart in the same way the first one stands for all."""
         seen: set[tuple[bool, ...]] = set()
-        for condition in CONDITIONS:
-            holds = tuple(self._holds(condition, node) for node in state)
+        truths = zip(*map(self.known.truths, state), strict=True)
+        for condition, holds in zip(CONDITIONS, truths, strict=True):
             if not any(holds):
                 continue
             split = Split(state, scenes, holds)
@@ -224,55 +237,48 @@ class Explainer:
                 yield from self._if_else(condition, split, budget - BRANCH, left, depth)
 
     def _if(self, condition: Condition, split: Split, budget: int, left: int, depth: int) -> Steps:
-        for after, (cost, used, body) in self._block(*split.part, budget, left - 1, depth + 1).items():
-            yield BRANCH + cost, used + 1, If(condition, body), split.merged(after)
+        for after, (cost, used, block) in self._block(*split.part, budget, left - 1, depth + 1).items():
+            yield BRANCH + cost, used + 1, If(condition, block.body), split.merged(after)
 
     def _if_else(self, condition: Condition, split: Split, budget: int, left: int, depth: int) -> Steps:
         others = split.others
         alternatives = self._block(*others.part, budget - ACTION, left - 1, depth + 1)
-        for after, (cost, used, body) in self._block(
-            *split.part, budget - ACTION, left - 1, depth + 1
-        ).items():
-            for final, (more, also, orelse) in alternatives.items():
-                if cost + more <= budget and used + also < left and body != orelse:
-                    statement = IfElse(condition, body, orelse)
+        blocks = self._block(*split.part, budget - ACTION, left - 1, depth + 1)
+        for after, (cost, used, block) in blocks.items():
+            for final, (more, also, other) in alternatives.items():
+                if cost + more <= budget and used + also < left and block is not other:
+                    statement = IfElse(condition, block.body, other.body)
                     end = split.merged(after, final)
                     yield BRANCH + cost + more, used + also + 1, statement, end
 
     def _while(self, condition: Condition, split: Split, budget: int, left: int, depth: int) -> Steps:
         state, scenes = split.part
-        for once, (cost, used, body) in self._block(state, scenes, budget, left - 1, depth + 1).items():
+        for once, (cost, used, block) in self._block(state, scenes, budget, left - 1, depth + 1).items():
             ends = []
             for node, scene in zip(once, scenes, strict=True):
-                end = self._leave(condition, body, node, scene)
+                end = self.known.leave(condition, block, node, scene)
                 if end is None:
                     break
                 ends.append(end)
             else:
-                yield BRANCH + cost, used + 1, While(condition, body), split.merged(tuple(ends))
-
-    def _leave(self, condition: Condition, body: Body, node: Node, scene: int) -> Node | None:
-        """Where a loop ends that has come to a place after its first turn."""
-        for _ in range(MOST_TURNS):
-            if not self._holds(condition, node):
-                return node
-            after = self._run(body, node, scene)
-            if after is None or after is node:
-                return None
-            node = after
-        return None
+                yield BRANCH + cost, used + 1, While(condition, block.body), split.merged(tuple(ends))
 
     def _repeats(self, state: State, scenes: Scenes, budget: int, left: int, depth: int) -> Steps:
         blocks = self._block(state, scenes, budget - LOOP, left, depth + 1)
-        for once, (cost, used, body) in blocks.items():
-            current: list[Node | None] = list(once)
+        for once, (cost, used, block) in blocks.items():
+            current = once
             for times in range(2, max(COUNTS) + 1):
-                current = [n and self._run(body, n, s) for n, s in zip(current, scenes, strict=True)]
-                ends = tuple(node for node in current if node is not None)
+                ends = []
+                for node, scene in zip(current, scenes, strict=True):
+                    end = self.known.run(block, node, scene)
+                    if end is None:
+                        break
+                    ends.append(end)
                 if len(ends) < len(state):
                     break
+                current = tuple(ends)
                 if times in COUNTS and cost * times > LOOP:
-                    yield LOOP + cost, used, Repeat(times, body), ends
+                    yield LOOP + cost, used, Repeat(times, block.body), current
 
     def _block(self, state: State, scenes: Scenes, budget: int, left: int, depth: int) -> Bodies:
         """All that the blocks of so much cost may lead to."""
@@ -288,13 +294,13 @@ class Explainer:
         order = count()
         queue: list[tuple[int, int, State, int, Body]] = [(0, next(order), state, left, ())]
         done: set[State] = set()
-        while queue and self._work > 0:
+        while queue and self._goes_on():
             cost, _, current, rest, body = heapq.heappop(queue)
             if current in done:
                 continue
             done.add(current)
             if body:
-                found.setdefault(current, (cost, left - rest, body))
+                found.setdefault(current, (cost, left - rest, self.known.block(body)))
             for more, used, statement, after in self._statements(current, scenes, budget - cost, rest, depth):
                 self._work -= 1
                 if cost + more <= budget and after not in done:
@@ -309,42 +315,8 @@ class Explainer:
 
     def explains(self, program: Program) -> bool:
         """Whether a program leads to the goals along ways that are known."""
-        ends = [self._run(program.body, graph.root, i) for i, graph in enumerate(self.graphs)]
+        ends = [self.known.run_body(program.body, graph.root, i) for i, graph in enumerate(self.graphs)]
         return all(end in graph.goals for end, graph in zip(ends, self.graphs, strict=True))
-
-    def _run(self, body: Body, node: Node, scene: int) -> Node | None:
-        """Where a body leads from a place; None if that is not known, or no way to a goal."""
-        ways = self.graphs[scene].ways
-        for statement in body:
-            if isinstance(statement, Action):
-                after = ways[node].get(statement.name)
-            elif isinstance(statement, Repeat):
-                after = node
-                for _ in range(statement.times):
-                    after = after and self._run(statement.body, after, scene)
-            elif isinstance(statement, While):
-                after = self._leave(statement.condition, statement.body, node, scene)
-            elif self._holds(statement.condition, node):
-                after = self._run(statement.body, node, scene)
-            elif isinstance(statement, IfElse):
-                after = self._run(statement.orelse, node, scene)
-            else:
-                after = node
-            if after is None:
-                return None
-            node = after
-        return node
-
-    def _holds(self, condition: Condition, node: Node) -> bool:
-        if isinstance(condition, Not):
-            return not self._holds(condition.condition, node)
-        return condition.key in self._perceived(node)
-
-    def _perceived(self, node: Node) -> frozenset[str]:
-        found = self._true.get(node)
-        if found is None:
-            found = self._true[node] = node.view.perceptions
-        return found
 
 
 def _with_other_conditions(body: Body) -> Iterator[Body]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, takewhile
+from itertools import combinations
 
 import numpy as np
 
@@ -41,6 +41,7 @@ LARGER_BLOCKS = 6  # actions in a block, when programs with smaller ones explain
 PARTIAL = Limits(work=100_000, programs=100, extra=8)  # for programs that explain some of the scenes
 SOME = Limits(work=100_000)
 NOTHING_FOUND = Program((Action(ACTIONS[-1]),))
+GRACE = 1.5  # times its seconds that a search may take to make something of what it has found
 PROBES = 4  # further scenes on which programs are compared
 PROBED = 20  # programs that are
 DEARER = 1.5  # so many times less does a program count for each bit that it costs: 2 if the prior were exact
@@ -110,6 +111,10 @@ class _Search:
     def over(self) -> bool:
         """Whether the budget is spent, or nobody wants to wait any longer."""
         return self.meter.exceeds(self.budget) or self.watch.stopped()
+
+    def late(self) -> bool:
+        """Whether nobody wants to wait for explanations any longer either."""
+        return self.meter.seconds > GRACE * self.budget.seconds or self.watch.stopped()
 
     def tell(self, text: str, best: Attempt | None = None) -> None:
         """Say what has happened, and which goals are reached."""
@@ -214,15 +219,14 @@ class _Search:
         """Programs for the scenes where the goal was reached, or for all but one, and LGRL's candidates."""
         reached = [i for i, scene in enumerate(self.traces.scenes) if scene.goals]
         parts = combinations(reached, min(len(reached), len(self.traces.scenes) - 1))
-        going_on = takewhile(lambda _: not self.watch.stopped(), filter(None, parts))
-        programs = [p for part in going_on for p in self._explainer(part, SOME).programs()]
+        programs = [p for part in parts if part for p in self._explainer(part, SOME).programs()]
         if not self.proposals and self.parts.beam:
             self._propose()
         return list(dict.fromkeys([*programs, *self.proposals])) or [NOTHING_FOUND]
 
     def _explainer(self, scenes: Sequence[int], limits: Limits) -> Explainer:
         chosen = [self.traces.scenes[i] for i in scenes]
-        return Explainer([Graph.of(scene.root, scene.goals) for scene in chosen], limits)
+        return Explainer([Graph.of(scene.root, scene.goals) for scene in chosen], limits, self.late)
 
     def choose(self, attempts: list[Attempt], top_k: int, seed: int) -> tuple[list[Attempt], float, Doubt]:
         """The attempts that differ in what they do, the answer first; the confidence in it, and what is open.
