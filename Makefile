@@ -22,7 +22,7 @@ demo: $(VENV)/.core  ## synthesize programs for the shipped tasks and write a pa
 test: lint  ## style, types and the whole suite (ARGS="-k beam" for a part)
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest $(ARGS)
 
-paper: $(VENV)/.dev  ## the paper's evaluation: every table and figure (SCALE=smoke|small|paper)
+paper: $(VENV)/.dev  ## the paper's evaluation: every table and figure (SCALE=smoke|quick|small|paper)
 	$(BIN)/python -m recipes.paper --scale $(SCALE) $(ARGS)
 
 site: $(VENV)/.dev  ## the documentation as a site, in site/

@@ -1,4 +1,4 @@
-"""The paper's evaluation: data, trainings, rows, tables and figures, at one of three scales.
+"""The paper's evaluation: data, trainings, rows, tables and figures, at one of four scales.
 
     python -m recipes.paper                        # small: all methods, one seed; resumes where it was
     python -m recipes.paper --seeds 0 1 2          # with deviations over seeds
@@ -60,7 +60,7 @@ class Plan:
     """What is made."""
 
     scale: str = "small"
-    """smoke, small or paper."""
+    """smoke, quick, small or paper."""
     seeds: tuple[int, ...] = (0,)
     """Of the trainings."""
     methods: tuple[str, ...] = PAPER

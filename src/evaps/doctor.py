@@ -109,11 +109,12 @@ def _world() -> Finding:
 
 
 def _checkpoints() -> Finding:
-    from evaps.models import SHIPPED, load_model
+    from evaps.models import load_model, model_folder
 
     load_model()
-    size = sum(file.stat().st_size for file in SHIPPED.rglob("*.safetensors"))
-    names = ", ".join(sorted(path.name for path in (SHIPPED / "small").iterdir()))
+    folder = model_folder(CHOSEN.model)
+    size = sum(file.stat().st_size for file in folder.rglob("*.safetensors"))
+    names = ", ".join(sorted(path.name for path in folder.iterdir()))
     return Finding("checkpoints", f"{names}: {size / 1e6:.1f} MB")
 
 

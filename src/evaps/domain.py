@@ -57,6 +57,8 @@ class Domain:
         tolerance: how far places may be apart and still match, in units of the world.
         move: how far a move leads, in units of the world.
         budget: how many actions a search may simulate, unless told otherwise; fewer where they cost more.
+        model: the checkpoints that are used unless others are named: a set that comes with evaps, a folder,
+            or ``hub:OWNER/NAME``.
         opposites: axes of the inverse model; each action has to be on one. Without any, each has its own.
     """
 
@@ -70,6 +72,7 @@ class Domain:
     tolerance: float = 0.5
     move: float = 1.0
     budget: int = 20_000
+    model: str = "small"
     opposites: tuple[Axis, ...] = ()
 
     def __post_init__(self) -> None:
@@ -146,6 +149,7 @@ KAREL = Domain(
     ("frontIsClear", "leftIsClear", "rightIsClear", "markersPresent", "noMarkersPresent"),
     "evaps.robots.karel:WORLD",
     counts=tuple(range(20)),
+    model="karel",
     opposites=(
         Axis("turnLeft", "turnRight"),
         Axis("move", None, "ahead"),
@@ -155,7 +159,9 @@ KAREL = Domain(
 )
 """Karel the Robot (Pattis, 1981) with the tokens of Bunel et al., ICLR 2018, who see the whole grid."""
 
-KAREL_WINDOW = replace(KAREL, name="karel-window", world="evaps.robots.karel:WINDOW_WORLD")
+KAREL_WINDOW = replace(
+    KAREL, name="karel-window", world="evaps.robots.karel:WINDOW_WORLD", model="karel-window"
+)
 """The same, but the robot sees only a window ahead."""
 
 DOMAINS = {domain.name: domain for domain in (DOOM, KAREL, KAREL_WINDOW)}

@@ -15,6 +15,7 @@ from typing import Any
 import pyarrow as pa
 import torch
 
+from evaps.domain import CHOSEN
 from evaps.dsl import Program, UserError, run
 from evaps.files import write_atomically
 from evaps.models import Model, load_model, model_folder, needed_for
@@ -200,7 +201,7 @@ def _attempt(attempt: Attempt, found: Match) -> dict[str, Any]:
 def evaluate(
     data: Path,
     out: Path,
-    model: str = "small",
+    model: str = CHOSEN.model,
     methods: Sequence[str] = ("lgrl", "evaps", "verified"),
     split: str = "test",
     tasks: int = 1000,

@@ -25,6 +25,7 @@ def test_gold_programs_match_and_others_do_where_they_end_alike(tmp_path: Path) 
         assert verdicts[0].all()
         assert verdicts[2].all()
         assert not verdicts[1].all()
+        assert judge.solving(position, [nothing, gold]) == [gold]
     assert judge.share_right(range(4), golds) == 1.0
     assert judge.share_right(range(4), [golds[0], None, nothing, golds[3]]) == 0.5
     assert judge.share_right([0, 1], [golds[1], golds[1]]) == 0.5

@@ -19,7 +19,7 @@ class Bench(Command):
     than rates. Nothing else should run meanwhile.
     """
 
-    model: str = "small"
+    model: str = CHOSEN.model
     """A shipped set of checkpoints, a folder of them, or hub:OWNER/NAME."""
     seconds: float = 5.0
     """About how long each rate is measured."""

@@ -10,6 +10,7 @@ from tyro.conf import arg
 from evaps.cli.command import Command
 from evaps.cli.inputs import File, Folder, check_least, check_writable
 from evaps.cli.workers import Engine, available_cores, workers_from
+from evaps.domain import CHOSEN
 from evaps.dsl import UserError
 
 
@@ -27,7 +28,7 @@ class Evaluate(Command):
     """Folder of the data set, from `evaps generate`."""
     out: File
     """Parquet file for the rows."""
-    model: str = "small"
+    model: str = CHOSEN.model
     """A shipped set of checkpoints, a folder of them, or hub:OWNER/NAME."""
     methods: tuple[str, ...] = ("lgrl", "evaps", "verified")
     """Who is judged; evaps repairs the candidates of lgrl."""

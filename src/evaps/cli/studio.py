@@ -10,6 +10,7 @@ from tyro.conf import Positional
 
 from evaps.cli.command import Command
 from evaps.cli.synthesize import shipped_tasks
+from evaps.domain import CHOSEN
 from evaps.dsl import UserError
 
 
@@ -26,7 +27,7 @@ class Studio(Command):
     """Where it listens; 0 for any that is free."""
     host: str = "127.0.0.1"
     """The address to listen on; with another than this machine's own, whoever can reach it can use it."""
-    model: str = "small"
+    model: str = CHOSEN.model
     """A shipped set of checkpoints, a folder of them, or hub:OWNER/NAME."""
 
     def run(self) -> None:

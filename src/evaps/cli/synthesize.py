@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from evaps.tasks.task import Task
     from evaps.viewer import TaskReport
 
+RANDOM_TASKS = 6
 PACKAGE = Path(__file__).parents[1]
 SHIPPED_TASKS = tuple(
     root / "examples" / "tasks" for root in (PACKAGE, PACKAGE.parents[1])
@@ -40,7 +42,7 @@ class Synthesize(Command):
     method: str = "verified"
     """verified; or evaps, the paper's own loop, which repairs the candidates of lgrl; or lgrl, these
     candidates alone; or another method that was trained."""
-    model: str = "small"
+    model: str = CHOSEN.model
     """A shipped set of checkpoints, a folder of them from `evaps train`, or hub:OWNER/NAME."""
     top_k: int = 20
     """How many candidates come back at most; methods other than verified run, and repair, so many."""
@@ -88,7 +90,10 @@ class Synthesize(Command):
 
 @dataclass(frozen=True)
 class Demo(Command):
-    """Synthesize programs for the tasks in examples/tasks, check them on the engine, and write a page."""
+    """Synthesize programs for the tasks in examples/tasks, check them on the engine, and write a page.
+
+    Where no tasks are shipped, as for Karel, for six random ones.
+    """
 
     out: File = Path("out/demo.html")
     """The page."""
@@ -98,20 +103,20 @@ class Demo(Command):
         from evaps.models import load_model
         from evaps.tasks.task import load_task
 
-        folders = shipped_tasks()
-        if not folders:
-            raise UserError(
-                f"there are no tasks in {SHIPPED_TASKS[0]}; install evaps again"
-                if CHOSEN is DOOM
-                else f"no tasks of the domain {CHOSEN.name} are shipped; make some with: evaps generate"
-            )
+        folders, model = shipped_tasks(), load_model()
+        if not folders and CHOSEN is DOOM:
+            raise UserError(f"there are no tasks in {SHIPPED_TASKS[0]}; install evaps again")
         check_writable(self.out)
+        tasks = [load_task(folder) for folder in folders] or random_tasks(RANDOM_TASKS)
         reports = []
-        for report in solve_all([load_task(folder) for folder in folders], load_model()):
+        for report in solve_all(tasks, model):
             show(report, False)
             reports.append(report)
         solved = sum(report.solution.solved for report in reports)
-        print(f"{solved} of {len(reports)} tasks solved: all five goals reached on the engine, byte for byte")
+        robot = "engine" if CHOSEN is DOOM else "robot"
+        print(
+            f"{solved} of {len(reports)} tasks solved: all five goals reached on the {robot}, byte for byte"
+        )
         save_page(self.out, reports, quiet=False)
 
 
@@ -120,6 +125,17 @@ def shipped_tasks() -> list[Path]:
     if CHOSEN is not DOOM:
         return []
     return sorted(path.parent for root in SHIPPED_TASKS for path in root.glob("*/task.json"))
+
+
+def random_tasks(number: int) -> list[Task]:
+    """Test tasks of the first seeds; see :func:`evaps.tasks.generate.test_task`."""
+    from evaps.dsl.sampler import PERCEPTION_KEYS
+    from evaps.robots.memo import MemoRobot
+    from evaps.robots.world import world
+    from evaps.tasks.generate import test_task
+
+    with closing(MemoRobot(world().robot(), PERCEPTION_KEYS, eager=False)) as robot:
+        return [test_task(seed, robot) for seed in range(number)]
 
 
 def solve_all(

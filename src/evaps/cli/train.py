@@ -31,7 +31,8 @@ class Train(Command):
     out: Folder
     """Folder of the checkpoints."""
     scale: str = "small"
-    """How much: smoke (seconds), small (20,000 tasks, an hour on two cores) or paper (100,000 tasks)."""
+    """How much: smoke (seconds), quick (3,000 tasks, minutes), small (20,000 tasks, an hour on two cores) or
+    paper (100,000 tasks)."""
     seed: int = 0
     """Of weights, batches and mutations."""
     workers: int = field(default_factory=available_cores)

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from torch import nn
 
+from evaps.domain import CHOSEN
 from evaps.dsl import UserError
 from evaps.models.base import Repairer, Synthesizer
 from evaps.models.checkpoint import CheckpointError, fitting, load_weights, read_config
@@ -215,12 +216,12 @@ def load_inverse(folder: Path) -> InverseModel:
     return _loaded(folder, "inverse", lambda **config: InverseModel(InverseConfig(**config)))
 
 
-def load_model(name: str | Path = "small", method: str = VERIFIED) -> Model:
+def load_model(name: str | Path = CHOSEN.model, method: str = VERIFIED) -> Model:
     """A trained model: one of the shipped sets by its name, a folder of checkpoints, or a set from a hub.
 
     Args:
-        name: ``"small"``, or a folder that holds ``encoder``, and a folder for each method; or
-            ``"hub:OWNER/NAME"`` for such a folder on the Hugging Face hub.
+        name: a shipped set, ``"small"`` or, for Karel, ``"karel"``; or a folder that holds ``encoder``, and a
+            folder for each method; or ``"hub:OWNER/NAME"`` for such a folder on the Hugging Face hub.
         method: a name in SEARCHES; or a synthesizer, which proposes alone; or a repairer, which mends what
             PROPOSER proposes.
 

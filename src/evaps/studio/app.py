@@ -19,6 +19,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, Response, StreamingResponse
 from starlette.exceptions import HTTPException
 
+from evaps.domain import CHOSEN
 from evaps.dsl import Program, UserError
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.models import VERIFIED, Model, load_model, methods_in, model_folder
@@ -45,7 +46,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 def create_app(
     tasks: Collection[Path] = (),
-    model: str = "small",
+    model: str = CHOSEN.model,
     hosts: Collection[str] = LOOPBACK,
     everywhere: bool = False,
 ) -> FastAPI:
@@ -53,7 +54,7 @@ def create_app(
 
     Args:
         tasks: task folders that can be loaded, by their names.
-        model: a shipped set of checkpoints, or a folder of them.
+        model: a shipped set of checkpoints, a folder of them, or hub:OWNER/NAME.
         hosts: names that the server is called by; requests for others are refused.
         everywhere: whether it listens on all addresses, and may be called by any, and by the machine's name.
     """

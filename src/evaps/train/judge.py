@@ -60,6 +60,16 @@ class Judge:
                 self._verdicts[position, program] = verdict
         return np.stack([self._verdicts[position, p] for p in programs])
 
+    def solving(self, position: int, programs: Sequence[Program]) -> list[Program]:
+        """Those that end right in all six scenes; who fails in one is not run in the next."""
+        row = self._dataset.rows[position]
+        self._robot.forget()
+        left = list(programs)
+        for scene, state in zip(row["scenes"], row["states"], strict=True):
+            ends = self._ends(left, Scene.from_json(scene), WorldState.from_json(state))
+            left = [program for program, right in zip(left, ends, strict=True) if right]
+        return left
+
     def _ends(self, programs: Sequence[Program], scene: Scene, state: WorldState) -> list[bool]:
         traces = run_together(programs, scene, self._robot)
         right = []
