@@ -2,7 +2,7 @@
 
     python -m recipes.fixed   # results/small/fixed.json; some minutes after the data
 
-All programs of one, two and three actions run on the first test tasks. The best one is chosen by the very
+All programs of one and two actions run on the first test tasks. The best one is chosen by the very
 tasks that it is judged on, and so are the best five and twenty (greedily, by how many tasks more they solve).
 """
 
@@ -25,8 +25,8 @@ from evaps.train.judge import Judge
 from recipes.paper import DATA_SEED, Plan, make_data
 
 OUT = Path("results/small/fixed.json")
-TASKS = 300
-LONGEST = 3
+TASKS = 1_000
+LONGEST = 2
 
 
 def judged(programs: Sequence[Program], dataset: Dataset) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
