@@ -58,6 +58,5 @@ def random_scene(rng: np.random.Generator) -> Scene:
 
 
 ROOM, RADII = (-0.5, SIDE - 0.5), {"robot": 0.4, "Dirt": 0.3}
-WORLD = World(
-    "vacuum-v0", Vacuum, random_scene, (32, 32), lambda: PALETTE, validate, x=ROOM, y=ROOM, radii=RADII
-)
+MAP = dict(x=ROOM, y=ROOM, radii=RADII, grid=1, depth=False)
+WORLD = World("vacuum-v0", Vacuum, random_scene, (32, 32), lambda: PALETTE, validate, **MAP)

@@ -59,8 +59,8 @@ def test_rewards_teach_32_tasks(dataset: Dataset) -> None:
     positions: Sequence[int] = range(TASKS)
     for _ in range(60):
         step(model.loss(features, *lessons.batch(positions)))
-    for _ in range(200):
-        if share_right() >= 0.75:
+    for number in range(200):
+        if number % 4 == 0 and share_right() >= 0.75:  # looking takes longer than learning
             break
         step(model.loss(features, *lessons.batch(positions)))
     before = share_right()
@@ -68,7 +68,7 @@ def test_rewards_teach_32_tasks(dataset: Dataset) -> None:
     for group in optimizer.param_groups:
         group["lr"] = 1e-3
     rewards = []
-    while share_right() < 0.95 and len(rewards) < MOST_STEPS:
+    while (len(rewards) % 2 or share_right() < 0.95) and len(rewards) < MOST_STEPS:
         loss, metrics = reward_loss(run, model, list(positions))
         step(loss)
         rewards.append(metrics["reward"])
