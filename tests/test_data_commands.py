@@ -80,7 +80,7 @@ def test_info_fails_where_a_task_does_not_hold(folder: Path, tmp_path: Path) -> 
 
 def test_bench_measures_everything(tmp_path: Path) -> None:
     rows = tmp_path / "bench.jsonl"
-    evaps("bench", "--seconds", 0.1, "--out", rows)
+    evaps("bench", "--seconds", 0.1, "--batch", 2, "--out", rows)
     figures = {row["name"]: row for row in map(json.loads, rows.read_text().splitlines())}
     assert len(figures) > 15
     assert all(row["value"] > 0 and row["machine"] and row["commit"] for row in figures.values())

@@ -20,12 +20,13 @@ from evaps.robots.doom import DoomRobot
 __all__ = ["Figure", "bench", "machine"]
 
 
-def bench(model: str, seconds: float = 5.0) -> Iterator[Figure]:
+def bench(model: str, seconds: float = 5.0, batch: int = 32) -> Iterator[Figure]:
     """Measure everything, one figure after the other.
 
     Args:
         model: a shipped set of checkpoints, or a folder of them.
         seconds: about how long a rate is measured.
+        batch: programs that a method learns from at a time.
     """
     robot = DoomRobot()
     try:
@@ -39,7 +40,7 @@ def bench(model: str, seconds: float = 5.0) -> Iterator[Figure]:
         yield from synthesis_figures(robot, load_model(model), tasks, "verified synthesis")
     finally:
         robot.close()
-    yield from training_figures(seconds)
+    yield from training_figures(seconds, batch)
 
 
 def machine() -> str:

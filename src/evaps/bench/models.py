@@ -25,7 +25,6 @@ from evaps.synthesis.ways import Way, WayTable
 from evaps.tasks.generate import Draft
 from evaps.tasks.task import EXAMPLES
 
-BATCH = 32
 ROWS = 2000  # of the table of embeddings
 
 
@@ -54,10 +53,10 @@ def synthesis_figures(robot: DoomRobot, model: Model, drafts: Sequence[Draft], n
     yield Figure(f"{name}, 95th percentile", float(np.percentile(times, 95)), "s")
 
 
-def training_figures(seconds: float) -> Iterator[Figure]:
+def training_figures(seconds: float, size: int) -> Iterator[Figure]:
     """Programs that each method learns from in a second, and the share of it spent on making batches."""
     rng = np.random.default_rng(SEED)
-    programs = [sample_program(rng) for _ in range(BATCH)]
+    programs = [sample_program(rng) for _ in range(size)]
     for name in METHODS:
         method = new_method(name).to(device()).train()
         batch, loss = _training(method, programs, rng)
@@ -70,7 +69,7 @@ def training_figures(seconds: float) -> Iterator[Figure]:
             batches += time.perf_counter() - begun
             _step(loss, made, optimizer)
             steps += 1
-        yield Figure(f"training {name}", BATCH * steps / spent, "programs/s")
+        yield Figure(f"training {name}", size * steps / spent, "programs/s")
         yield Figure(f"training {name}, making batches", 100 * batches / spent, "%", "<= 15")
 
 

@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict, dataclass
 
 from evaps.cli.command import Command
-from evaps.cli.inputs import File, check_writable
+from evaps.cli.inputs import File, check_least, check_writable
 from evaps.domain import CHOSEN, DOOM, VARIABLE
 from evaps.dsl import UserError
 
@@ -23,6 +23,8 @@ class Bench(Command):
     """A shipped set of checkpoints, a folder of them, or hub:OWNER/NAME."""
     seconds: float = 5.0
     """About how long each rate is measured."""
+    batch: int = 32
+    """Programs that a method learns from at a time."""
     out: File | None = None
     """Write the figures as JSON lines, with the machine and the commit."""
 
@@ -32,6 +34,7 @@ class Bench(Command):
             raise UserError(f"bench measures the domain doom, not {CHOSEN.name}; unset {VARIABLE}")
         if not self.seconds > 0:
             raise UserError(f"--seconds must be more than 0, not {self.seconds:g}")
+        check_least(batch=(self.batch, 1))
         if self.out is not None:
             check_writable(self.out)
         from rich.console import Console
@@ -45,7 +48,7 @@ class Bench(Command):
         table = Table("what", "measured", "unit", "target", title=machine())
         table.columns[1].justify = "right"
         rows = []
-        for figure in bench(self.model, self.seconds):
+        for figure in bench(self.model, self.seconds, self.batch):
             Console(stderr=True, highlight=False).print(f"{figure.name}: {figure.value:.4g} {figure.unit}")
             table.add_row(figure.name, f"{figure.value:.4g}", figure.unit, figure.target)
             rows.append({**asdict(figure), "machine": machine(), "commit": code_version()})
