@@ -5,6 +5,7 @@ A process has one domain, so each of these works in processes of its own.
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -145,6 +146,19 @@ def shell(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     made = Shell(request.param, install(tmp_path_factory.mktemp(request.param)))
     yield made
     made.close()
+
+
+@pytest.mark.slow
+def test_karel_comes_with_checkpoints(tmp_path: Path) -> None:
+    told = run("karel", "-m", "evaps", "doctor", "--json").stdout.splitlines()
+    found = {finding["what"]: finding for finding in map(json.loads, told)}
+    assert found["checkpoints"]["well"]
+    assert "lgrl" in found["checkpoints"]["found"]
+    done = run("karel", "-m", "evaps", "demo", "--out", tmp_path / "page.html")
+    solved = re.search(r"(\d) of 6 tasks solved", done.stdout)
+    assert solved is not None, done.stderr
+    assert int(solved[1]) >= 4
+    assert "Show depth" not in (tmp_path / "page.html").read_text()
 
 
 PROGRAMS = {

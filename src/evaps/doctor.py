@@ -23,6 +23,10 @@ LEAST_MEMORY = 4 << 30  # bytes for a synthesis with its five engines
 LEAST_DISK = 5 << 30  # bytes; a data set of 20,000 tasks has 2 GB
 
 
+SHIPPED_FOR = ("doom", "karel")
+"""Domains that evaps has checkpoints for."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """One thing that was looked at.
@@ -44,8 +48,8 @@ def examine() -> Iterator[Finding]:
     """Look at everything, the most basic things first."""
     yield Finding("evaps", f"{version('evaps')} in {Path(__file__).parent}")
     yield Finding("Python", sys.version.split()[0])
-    looks = (_engine, _checkpoints) if CHOSEN is DOOM else (_world,)  # none are shipped of other domains
-    for look in (_libraries, _torch, *looks, _cores, _memory, _disk):
+    robot = _engine if CHOSEN is DOOM else _world
+    for look in (_libraries, _torch, robot, _checkpoints, _cores, _memory, _disk):
         yield _guarded(look)
     for extra, (module, what) in EXTRAS.items():
         if find_spec(module) is None:
@@ -110,8 +114,12 @@ def _world() -> Finding:
 
 def _checkpoints() -> Finding:
     from evaps.models import load_model, model_folder
+    from evaps.models.checkpoint import CheckpointError
 
-    load_model()
+    try:
+        load_model()
+    except CheckpointError as error:  # those of Doom and Karel have to be there, others need not
+        return Finding("checkpoints", str(error), well=False, needed=CHOSEN.name in SHIPPED_FOR)
     folder = model_folder(CHOSEN.model)
     size = sum(file.stat().st_size for file in folder.rglob("*.safetensors"))
     names = ", ".join(sorted(path.name for path in folder.iterdir()))
