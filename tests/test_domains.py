@@ -268,8 +268,13 @@ def test_a_thing_may_be_called_like_an_action() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "what"),
     [
-        ("\nWORLD = ", "\nWRLD = ", "cannot be loaded: module 'own_world' has no attribute 'WORLD'"),
+        (
+            "\nWORLD = ",
+            "\nWRLD = ",
+            "cannot be loaded: AttributeError: module 'own_world' has no attribute 'WORLD'",
+        ),
         ("random_scene, (32, 32)", "random_scene, (40, 40)", "says that a view is uint8 of (40, 40)"),
+        ("\nWORLD = ", "\nWORLD = (", "cannot be loaded: SyntaxError"),
         ("    def state(self)", "    def stat(self)", "fails on a random scene: TypeError"),
         ("np.full((32, 32), 255, np.uint8), PALETTE", "north_up * 0, PALETTE * 0", "shows black pixels"),
         ("Scene(Pose(*places[0], 0)", "Scene(Pose(0.5, 0, 0)", "expected a whole number, found 0.5"),

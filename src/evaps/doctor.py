@@ -18,6 +18,7 @@ EXTRAS = {
     "cluster": ("ray", "--engine ray"),
     "track": ("tensorboard", "--tensorboard"),
     "viewer": ("fastapi", "`evaps studio`"),
+    "hub": ("huggingface_hub", "--model hub:OWNER/NAME"),
 }
 LEAST_MEMORY = 4 << 30  # bytes for a synthesis with its five engines
 LEAST_DISK = 5 << 30  # bytes; a data set of 20,000 tasks has 2 GB

@@ -6,6 +6,8 @@ import io
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
 from contextlib import closing
 from itertools import count
@@ -167,18 +169,20 @@ def test_a_search_is_told_live_and_ends_in_a_report(client: TestClient) -> None:
     assert client.get("/api/report/other").status_code == 404
 
 
-def hard_task() -> dict[str, Any]:
+def hard_task(method: str = "verified") -> dict[str, Any]:
     """Nothing explains these, and the ways are long: a search does not end by itself."""
     turns = ["def run():\n" + "    turn_left()\n" * n for n in (16, 17, 18, 19, 20)]
     return {
+        "method": method,
         "seconds": 300,
         "actions": 100_000,
         "examples": [{"scene": SCENE, "program": text} for text in turns],
     }
 
 
-def test_a_search_can_be_stopped_and_there_is_one_at_a_time(address: str) -> None:
-    with httpx.stream("POST", f"{address}api/synthesize", json=hard_task(), timeout=120) as reply:
+@pytest.mark.parametrize("method", ["verified", "enumeration", "blind"])
+def test_a_search_can_be_stopped_and_there_is_one_at_a_time(address: str, method: str) -> None:
+    with httpx.stream("POST", f"{address}api/synthesize", json=hard_task(method), timeout=120) as reply:
         said = reply.iter_lines()
         job = json.loads(next(said))["job"]
         second = httpx.post(f"{address}api/synthesize", json=hard_task(), timeout=120)
@@ -187,6 +191,21 @@ def test_a_search_can_be_stopped_and_there_is_one_at_a_time(address: str) -> Non
         answer = [json.loads(line) for line in said][-1]
     assert answer["stopped"]
     assert answer["seconds"] < 60
+
+
+def test_ctrl_c_ends_the_studio_and_what_it_searches_for() -> None:
+    command = [sys.executable, "-m", "evaps", "studio", "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as studio:
+        assert studio.stdout is not None
+        address = studio.stdout.readline().split()[2]
+        with httpx.stream("POST", f"{address}api/synthesize", json=hard_task(), timeout=120) as reply:
+            said = reply.iter_lines()
+            next(line for line in said if "ways" in line)
+            studio.send_signal(signal.SIGINT)
+            assert json.loads([line for line in said if line][-1])["stopped"]
+        _, complaint = studio.communicate(timeout=60)
+    assert "Traceback" not in complaint
+    assert "ERROR" not in complaint
 
 
 def test_a_search_that_nobody_listens_to_ends(address: str) -> None:

@@ -75,6 +75,44 @@ def test_a_thing_is_moved_with_the_mouse_and_with_keys(page: Page) -> None:
     expect(page.locator("#perceptions li.true")).to_have_count(0)
 
 
+def test_a_click_on_a_thing_changes_nothing(page: Page) -> None:
+    page.get_by_role("tab", name="Drive").click()
+    page.get_by_role("button", name="+ Demon").click()
+    expect(page.locator("#world.stale")).to_have_count(0)
+    for _ in range(3):
+        page.get_by_role("button", name="turn left", exact=True).click()
+    expect(page.locator("#time-text")).to_have_text("3 of 3")
+    page.locator("[aria-label^='Demon 1']").click()
+    expect(page.locator("[aria-label^='Demon 1']")).to_be_focused()
+    expect(page.locator("#time-text")).to_have_text("3 of 3")
+    expect(page.locator("#driven")).to_have_text("turn left, turn left, turn left")
+    page.locator("[aria-label^='Demon 1']").press("Delete")
+    page.get_by_role("button", name="Start anew").click()
+
+
+def test_a_task_that_is_drawn_with_the_mouse_is_solved(page: Page) -> None:
+    """Five scenes, the demon somewhere else in each, and the robot is driven by hand."""
+    page.get_by_role("button", name="+ Demon").click()
+    for number in range(5):
+        box = page.locator("[aria-label^='Demon 1']").bounding_box()
+        assert box is not None
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + (30 if number % 2 else -30), y + 12 * number - 20, steps=3)
+        page.mouse.up()
+        expect(page.locator("#world.stale")).to_have_count(0)
+        for times, name in enumerate(("turn left", "turn left", "ahead"), 1):
+            page.get_by_role("button", name=name, exact=True).click()
+            expect(page.locator("#time-text")).to_have_text(f"{times} of {times}")
+        page.get_by_role("button", name="Keep this as an example").click()
+        expect(page.locator("#examples li.filled")).to_have_count(number + 1)
+    page.get_by_role("button", name="Synthesize").click()
+    expect(page.locator("#verdict")).to_contain_text("It reaches all five goals")
+    expect(page.locator("#found")).to_contain_text("move_forward()")
+    page.get_by_role("button", name="Start anew").click()
+
+
 def test_a_program_is_written_and_told_where_it_is_wrong(page: Page) -> None:
     page.get_by_role("tab", name="Program").click()
     page.locator("#code").fill("def run():\n    jump()\n")
@@ -144,7 +182,9 @@ def test_karel_is_driven_and_runs_programs(page: Page, karel: str) -> None:
     expect(page.locator("#depth")).to_be_hidden()
     expect(page.locator("#map .grid")).to_have_count(34)
     expect(page.locator("#map rect.Wall").first).to_be_visible()
+    expect(page.locator("#map .beyond")).to_have_count(2)
     page.get_by_role("button", name="put marker", exact=True).click()
+    expect(page.locator("#map .put .Marker")).to_have_count(1)
     page.keyboard.press("4")
     expect(page.locator("#driven")).to_have_text("put marker, turn left")
     expect(page.locator("#perceptions li.true")).to_contain_text(["markers present: yes"])

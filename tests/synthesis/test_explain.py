@@ -6,10 +6,11 @@ import pytest
 from evaps.dsl import Program, run
 from evaps.dsl.counting import longest_run
 from evaps.dsl.sampler import PERCEPTION_KEYS, sample_program
+from evaps.robots.base import Pose, Scene
 from evaps.robots.doom import DoomRobot
-from evaps.robots.memo import MemoRobot
+from evaps.robots.memo import MemoRobot, Node, Tree
 from evaps.robots.scenes import random_scene
-from evaps.synthesis.explain import Explainer, Limits, cost_of
+from evaps.synthesis.explain import MOST_SUFFIXES, Explainer, Limits, cost_of
 from evaps.synthesis.graph import Graph
 from evaps.synthesis.known import CONDITIONS
 
@@ -40,6 +41,19 @@ def test_actions_alone_are_found_word_by_word(memo: MemoRobot) -> None:
     program = Program.parse("DEF run m( MOVE_LEFT TURN_RIGHT ATTACK m)")
     graphs, _ = graphs_of(program, memo, 0)
     assert Explainer(graphs, Limits()).programs() == [program]
+
+
+def test_many_places_that_look_like_the_goal_are_no_harm() -> None:
+    """Of 20 in each of five scenes there are 3.2 million combinations; no more are kept than are of use."""
+    graphs = []
+    for _ in range(5):
+        tree = Tree(Scene(Pose(0, 0, 0), ()), None)  # type: ignore[arg-type]
+        places = [tree.root]
+        for _ in range(20):
+            places.append(Node((), None, tree))  # type: ignore[arg-type]
+            places[-2].children["TURN_LEFT"] = places[-1]
+        graphs.append(Graph.of(places[0], places[1:]))
+    assert len(Explainer(graphs, Limits())._suffixes()) <= 2 * MOST_SUFFIXES
 
 
 def test_who_is_stopped_comes_back_with_what_there_is(memo: MemoRobot) -> None:

@@ -43,13 +43,15 @@ class Bench(Command):
         from evaps.bench import bench, machine
         from evaps.files import write_atomically
         from evaps.tasks.identity import code_version
+        from evaps.tasks.progress import CONSOLE, LOUDNESS
 
         console = Console(highlight=False)
         table = Table("what", "measured", "unit", "target", title=machine())
         table.columns[1].justify = "right"
         rows = []
         for figure in bench(self.model, self.seconds, self.batch):
-            Console(stderr=True, highlight=False).print(f"{figure.name}: {figure.value:.4g} {figure.unit}")
+            if not LOUDNESS.quiet:
+                CONSOLE.print(f"{figure.name}: {figure.value:.4g} {figure.unit}", highlight=False)
             table.add_row(figure.name, f"{figure.value:.4g}", figure.unit, figure.target)
             rows.append({**asdict(figure), "machine": machine(), "commit": code_version()})
         console.print(table)

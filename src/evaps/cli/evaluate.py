@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
@@ -48,6 +49,8 @@ class Evaluate(Command):
     """Where they run: local processes, or a Ray cluster, whose nodes need the model."""
     address: Annotated[str | None, arg(metavar="ADDRESS")] = None
     """Of a running Ray cluster; else RAY_ADDRESS, else one is started on this machine."""
+    json: bool = False
+    """Print one JSON object a method instead of the table, a line each; shares are from 0 to 1."""
 
     def run(self) -> None:
         """Evaluate, with progress on standard error, and print the table."""
@@ -60,7 +63,7 @@ class Evaluate(Command):
         workers = workers_from(self.workers, self.engine, self.address)
         check_writable(self.out)
         from evaps.evaluate import evaluate
-        from evaps.report.summary import summary_table
+        from evaps.report.summary import summary_table, summary_values
 
         evaluate(
             self.data,
@@ -74,4 +77,8 @@ class Evaluate(Command):
             workers,
             self.noise,
         )
-        print(summary_table(self.out))
+        if self.json:
+            for values in summary_values(self.out):
+                print(json.dumps(values))
+        else:
+            print(summary_table(self.out))

@@ -55,7 +55,11 @@ class Evaps:
 
     command: AnyCommand
     debug: bool = False
-    """Show where an error arose; stands before the command."""
+    """Show where an error arose; like the next two it stands before the command."""
+    quiet: bool = False
+    """Show no progress, only results and what goes wrong."""
+    verbose: bool = False
+    """Show progress more often, and what synthesize finds as it goes on."""
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -78,7 +82,15 @@ def main(args: Sequence[str] | None = None) -> int:
         if complaint.getvalue():
             print(f"evaps: {_first_part(complaint.getvalue())}", file=sys.stderr)
         raise
+    if evaps.quiet or evaps.verbose:
+        _speak(evaps.quiet, evaps.verbose)
     return exit_status(evaps.command, evaps.debug)
+
+
+def _speak(quiet: bool, verbose: bool) -> None:
+    from evaps.tasks.progress import LOUDNESS
+
+    LOUDNESS.quiet, LOUDNESS.verbose = quiet, verbose
 
 
 def _first_part(box: str) -> str:

@@ -101,7 +101,7 @@ def _print_summary(trace: Trace[Observation], state: WorldState) -> None:
     how = "[green]halted[/]" if trace.halted else "[yellow]did not halt[/] within its limits"
     console.print(trace.program.to_python(), markup=False)
     console.print(f"{how}: {len(trace.actions)} actions, {trace.calls} interpreter calls")
-    console.print(" ".join(trace.actions) or "no action", style="bold")
+    console.print(" ".join(trace.actions) or "no action", style="bold", soft_wrap=True)
     console.print(f"robot at x {robot.x:g}, y {robot.y:g}, heading {robot.heading:g} degrees")
     if state.ammo or state.health:
         console.print(f"ammunition {state.ammo}, health {state.health}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 
 from tyro.conf import Positional
 
@@ -51,7 +52,15 @@ class Studio(Command):
         app = create_app(folders, self.model, names, everywhere)
         shown = socket.gethostname() if everywhere else f"[{name}]" if ":" in name else name
         print(f"evaps studio: http://{shown}:{port}/ (Ctrl-C ends it)", flush=True)
-        server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=2))
+        server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=5))
+        leave = server.handle_exit
+
+        def stop(sig: int, frame: FrameType | None) -> None:
+            """Ctrl-C: what somebody listens to has to end before the server can."""
+            app.state.searches.interrupt()
+            leave(sig, frame)
+
+        server.handle_exit = stop  # type: ignore[method-assign]
         server.run([listening])
 
 

@@ -18,7 +18,7 @@ from evaps.dsl import UserError
 
 if TYPE_CHECKING:
     from evaps.models import Model
-    from evaps.synthesis import Budget
+    from evaps.synthesis import Budget, News
     from evaps.tasks.task import Task
     from evaps.viewer import TaskReport
 
@@ -128,14 +128,14 @@ def shipped_tasks() -> list[Path]:
 
 
 def random_tasks(number: int) -> list[Task]:
-    """Test tasks of the first seeds; see :func:`evaps.tasks.generate.test_task`."""
+    """Test tasks of the first seeds; see :func:`evaps.tasks.generate.unseen_task`."""
     from evaps.dsl.sampler import PERCEPTION_KEYS
     from evaps.robots.memo import MemoRobot
     from evaps.robots.world import world
-    from evaps.tasks.generate import test_task
+    from evaps.tasks.generate import unseen_task
 
     with closing(MemoRobot(world().robot(), PERCEPTION_KEYS, eager=False)) as robot:
-        return [test_task(seed, robot) for seed in range(number)]
+        return [unseen_task(seed, robot) for seed in range(number)]
 
 
 def solve_all(
@@ -154,14 +154,19 @@ def solve_all(
     import torch
 
     torch.set_num_threads(1)
-    from evaps.synthesis import Budget, memo_of, solve, team_of_robots
+    from evaps.synthesis import Budget, Watch, memo_of, solve, team_of_robots
+    from evaps.tasks.progress import CONSOLE, LOUDNESS
     from evaps.viewer import TaskReport
 
+    def tell(news: News) -> None:
+        CONSOLE.print(f"{news.seconds:.1f} s, {news.actions} actions: {news.text}", highlight=False)
+
     team = team_of_robots()
+    watch = Watch(tell) if LOUDNESS.verbose else Watch()
     try:
         for task in tasks:
             memo = memo_of(team)  # it lives as long as its views: the page shows them
-            yield TaskReport(task, solve(model, task, memo, top_k, rounds, budget or Budget(), seed))
+            yield TaskReport(task, solve(model, task, memo, top_k, rounds, budget or Budget(), seed, watch))
             memo.leave()
     finally:
         for robot in team:

@@ -39,6 +39,21 @@ def summary_table(rows: Path, beside_paper: bool = False) -> str:
     return "\n".join(lines)
 
 
+def summary_values(rows: Path) -> list[dict[str, Any]]:
+    """The same as :func:`summary_table` as JSON values: shares from 0 to 1, and means a task."""
+    return [
+        {
+            "method": run.method,
+            "tasks": len(run.answers()),
+            **{f"{m}@{k}": float(run.matches(m, k).mean()) for m in METRICS for k in TOP},
+            "answer": float(run.answered().mean()),
+            "seconds": float(run.column("seconds").mean()),
+            "simulated_actions": float(run.column("simulated_actions").mean()),
+        }
+        for run in Results.read(rows).each()
+    ]
+
+
 def answer_table(rows: Sequence[Path]) -> str:
     """Markdown: the one answer of each method that the files have rows of, and what it has cost."""
     head = [

@@ -261,6 +261,7 @@ def _world(version: str, window: bool) -> World:
         kinds=("Wall", "Marker"),
         headings=90,
         grid=1,
+        border="Corner",
         blocks=("Wall",),
         depth=False,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
@@ -40,6 +41,8 @@ class World:
         places: where on the map the ``robot`` and ``things`` may be put, ``(x, y)``; all of it if not given.
         headings: degrees between two directions that the robot may look in.
         grid: for maps: the side of a cell, in units of the world; 0 where there are none.
+        border: the kind of the thing that ends a scene towards east and north, if there is one: maps shade
+            the cells from its own on, and the studio does not take it away.
         blocks: kinds of things that a map shows as squares, twice their radius wide, rather than as circles.
         depth: whether the depth says anything; if not, it is not shown.
         start: the scene that the studio begins with; a random one if not given.
@@ -59,6 +62,7 @@ class World:
     places: Mapping[str, tuple[Range, Range]] = field(default_factory=dict)
     headings: int = 1
     grid: float = 0
+    border: str | None = None
     blocks: tuple[str, ...] = ()
     depth: bool = True
     start: Scene | None = None
@@ -75,8 +79,8 @@ def world() -> World:
     where = f"the world of the domain {CHOSEN.name!r}, {CHOSEN.world},"
     try:
         found = getattr(import_module(module), name)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise UserError(f"{where} cannot be loaded: {error}") from error
+    except Exception as error:  # of another package's code, whatever it raises
+        raise UserError(f"{where} cannot be loaded: {type(error).__name__}: {error}") from error
     if not isinstance(found, World):
         raise UserError(f"{where} is no evaps.robots.world.World")
     _check(found, where)
@@ -96,10 +100,9 @@ def _check(found: World, where: str) -> None:
     try:
         scene = found.random_scene(np.random.default_rng(0))
         found.validate(Scene.from_json(scene.to_json()))
-        robot = found.robot()
-        robot.reset(scene)
-        frame = robot.observe()
-        robot.close()
+        with closing(found.robot()) as robot:
+            robot.reset(scene)
+            frame = robot.observe()
     except Exception as error:
         raise UserError(f"{where} fails on a random scene: {type(error).__name__}: {error}") from error
     if not isinstance(frame, PaletteFrame):

@@ -33,7 +33,7 @@ from evaps.studio.facts import facts_of
 from evaps.studio.guard import guard
 from evaps.studio.search import Job, Searches, lines_of
 from evaps.synthesis import Budget
-from evaps.tasks.generate import test_task
+from evaps.tasks.generate import unseen_task
 from evaps.tasks.task import EXAMPLES, load_task, save_task
 from evaps.viewer.film import look, record
 from evaps.viewer.page import COLOURS
@@ -59,7 +59,9 @@ def create_app(
         everywhere: whether it listens on all addresses, and may be called by any, and by the machine's name.
     """
     engines, searches = Engines(), Searches()
-    folders = {path.name: path for path in tasks}
+    folders: dict[str, Path] = {}
+    for path in tasks:  # two may have one name
+        folders[path.name if path.name not in folders else str(path)] = path
 
     @asynccontextmanager
     async def life(_: FastAPI) -> AsyncIterator[None]:
@@ -68,6 +70,7 @@ def create_app(
         engines.close()
 
     app = FastAPI(title="evaps studio", lifespan=life, docs_url=None, redoc_url=None, openapi_url=None)
+    app.state.searches = searches
     guard(app, hosts, everywhere)
     _tell_errors(app)
 
@@ -94,7 +97,7 @@ def create_app(
     def random() -> dict[str, Any]:
         return world().random_scene(np.random.default_rng()).to_json()
 
-    @app.get("/api/tasks/{name}")
+    @app.get("/api/tasks/{name:path}")
     def task(name: str) -> dict[str, Any]:
         if name not in folders:
             raise HTTPException(404, f"there is no task {name!r}")
@@ -104,7 +107,7 @@ def create_app(
     def random_task() -> dict[str, Any]:
         with engines.robot() as robot:
             memo = MemoRobot(robot, PERCEPTION_KEYS, eager=False)
-            return forms.task_json(test_task(randrange(MOST_SEEDS), memo))
+            return forms.task_json(unseen_task(randrange(MOST_SEEDS), memo))
 
     @app.post("/api/check")
     def check(form: forms.ProgramForm) -> dict[str, Any]:

@@ -46,6 +46,7 @@ def facts_of(here: World) -> dict[str, Any]:
         "kinds": here.kinds if here.kinds is not None else [k for k in here.radii if k != "robot"],
         "headings": here.headings,
         "grid": here.grid,
+        "border": here.border,
         "blocks": here.blocks,
         "depth": here.depth,
         "tolerance": CHOSEN.tolerance,

@@ -20,6 +20,7 @@ from evaps.viewer import TaskReport
 from evaps.viewer.page import render_page
 
 PAGES_KEPT = 5
+PATIENCE = 5.0  # seconds for a search that was asked to end
 HEARTBEAT = 0.5  # seconds between two signs of life
 
 
@@ -70,13 +71,17 @@ class Searches:
         if current is not None and current.id == job:
             current.stopped.set()
 
-    def close(self) -> None:
-        """Stop what is under way, and end the engines."""
+    def interrupt(self) -> None:
+        """Ask whatever is under way to end."""
         if (current := self._job) is not None:
             current.stopped.set()
-        with self._busy:
-            for robot in self._robots:
-                robot.close()
+
+    def close(self) -> None:
+        """Stop what is under way, and end the engines, even under a search that does not come to its end."""
+        self.interrupt()
+        self._busy.acquire(timeout=PATIENCE)
+        for robot in self._robots:
+            robot.close()
 
     def _work(self, job: Job, model: Model, task: Task, budget: Budget) -> None:
         try:
@@ -96,11 +101,13 @@ class Searches:
             self._robots = team_of_robots()
         memo = memo_of(self._robots)
         watch = Watch(lambda news: job.lines.put(news_json(news)), job.stopped.is_set)
-        solution = solve(model, task, memo, budget=budget, watch=watch)
-        self.pages[job.id] = render_page([TaskReport(task, solution)])  # while the views are there
+        try:
+            solution = solve(model, task, memo, budget=budget, watch=watch)
+            self.pages[job.id] = render_page([TaskReport(task, solution)])  # while the views are there
+        finally:
+            memo.leave()
         while len(self.pages) > PAGES_KEPT:
             del self.pages[next(iter(self.pages))]
-        memo.leave()
         job.lines.put(answer_json(solution, job.stopped.is_set()))
 
 

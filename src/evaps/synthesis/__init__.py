@@ -54,13 +54,13 @@ SEARCHES: dict[str, Search] = {
     "verified-no-sharing": _verified(Parts(sharing=False)),
     "verified-no-beam": _verified(Parts(beam=False)),
     "sed-search": lambda model, task, robot, top_k, budget, seed, watch: synthesize_best_first(
-        model, task, robot, top_k
+        model, task, robot, top_k, watch=watch
     ),
     "enumeration": lambda model, task, robot, top_k, budget, seed, watch: synthesize_by_enumeration(
-        task, robot, budget
+        task, robot, budget, watch
     ),
     "blind": lambda model, task, robot, top_k, budget, seed, watch: synthesize_blindly(
-        task, robot, budget, seed
+        task, robot, budget, seed, watch
     ),
     "prior": lambda model, task, robot, top_k, budget, seed, watch: synthesize_from_prior(
         task, robot, top_k, seed
@@ -107,7 +107,7 @@ def solve(
 ) -> Solution:
     """The same on a robot that is there.
 
-    ``watch`` follows it, and may end it early: verified synthesis and the paper's loop; others do not ask.
+    ``watch`` follows it, and may end it early.
     """
     if model.search is None:
         return synthesize_with(model, task, robot, top_k, rounds, watch=watch)

@@ -19,13 +19,20 @@ from evaps.synthesis.budget import Meter
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.repair import BEAM, propose
 from evaps.synthesis.solution import Attempt, Candidate, Solution, attempt_all
+from evaps.synthesis.watch import NOBODY, Watch
 from evaps.tasks.task import Task
 
 CALLS = 25  # of the repairer
 
 
 def synthesize_best_first(
-    model: Model, task: Task, robot: MemoRobot, top_k: int = 20, calls: int = CALLS, beam: int = BEAM
+    model: Model,
+    task: Task,
+    robot: MemoRobot,
+    top_k: int = 20,
+    calls: int = CALLS,
+    beam: int = BEAM,
+    watch: Watch = NOBODY,
 ) -> Solution:
     """Propose, run, and repair whatever passes most.
 
@@ -36,6 +43,7 @@ def synthesize_best_first(
         top_k: how many candidates come back, those that pass most first.
         calls: how often the repairer is asked.
         beam: programs of the synthesizer, and of each repair.
+        watch: may end it.
     """
     repairer = model.repairer
     assert repairer is not None
@@ -55,7 +63,7 @@ def synthesize_best_first(
 
     push([p.program for p in propose(model, table, task, robot, beam)], ())
     for _ in range(calls):
-        if not queue or any(candidate.final.solved for candidate in seen.values()):
+        if not queue or watch.stopped() or any(candidate.final.solved for candidate in seen.values()):
             break
         best = heapq.heappop(queue)[2]
         with autocast():

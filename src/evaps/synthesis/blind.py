@@ -16,13 +16,14 @@ from evaps.robots.noise import goal_match
 from evaps.robots.together import run_together
 from evaps.synthesis.budget import USUAL_BUDGET, Budget, Meter
 from evaps.synthesis.solution import Candidate, Solution, attempt_all, best_first
+from evaps.synthesis.watch import NOBODY, Watch
 from evaps.tasks.task import Task
 
 DRAWN_TOGETHER = 50  # programs
 
 
 def synthesize_blindly(
-    task: Task, robot: MemoRobot, budget: Budget = USUAL_BUDGET, seed: int = 0
+    task: Task, robot: MemoRobot, budget: Budget = USUAL_BUDGET, seed: int = 0, watch: Watch = NOBODY
 ) -> Solution:
     """Draw programs until one passes all pairs or the budget is spent; else the one that got furthest.
 
@@ -31,6 +32,7 @@ def synthesize_blindly(
         robot: where programs run.
         budget: what it may cost.
         seed: of the programs.
+        watch: may end it.
     """
     meter = Meter(robot)
     rng = np.random.default_rng(seed)
@@ -40,7 +42,7 @@ def synthesize_blindly(
         for passed, program in _furthest([sample_program(rng) for _ in range(DRAWN_TOGETHER)], task, robot):
             if best is None or passed > best[0]:
                 best = passed, program
-        over = meter.exceeds(budget)
+        over = meter.exceeds(budget) or watch.stopped()
     programs = [best[1]] if best else []
     candidates = tuple(Candidate((a,), 0, "blind") for a in attempt_all(programs, task, robot))
     return Solution(task.name, candidates, meter.actions, meter.seconds, candidates)

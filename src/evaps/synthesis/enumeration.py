@@ -19,6 +19,7 @@ from evaps.synthesis.budget import USUAL_BUDGET, Budget, Meter
 from evaps.synthesis.explain import cost_of
 from evaps.synthesis.known import CONDITIONS
 from evaps.synthesis.solution import Candidate, Solution, attempt_all
+from evaps.synthesis.watch import NOBODY, Watch
 from evaps.tasks.task import Task
 
 SINGLE = tuple((Action(name),) for name in ACTIONS)
@@ -32,13 +33,16 @@ STATEMENTS: tuple[Statement, ...] = (
 """What a program is extended by: every statement whose blocks are single actions."""
 
 
-def synthesize_by_enumeration(task: Task, robot: MemoRobot, budget: Budget = USUAL_BUDGET) -> Solution:
+def synthesize_by_enumeration(
+    task: Task, robot: MemoRobot, budget: Budget = USUAL_BUDGET, watch: Watch = NOBODY
+) -> Solution:
     """Enumerate until a program passes all pairs or the budget is spent; else the one that passes most.
 
     Args:
         task: the specification.
         robot: where programs run.
         budget: what it may cost.
+        watch: may end it.
     """
     meter = Meter(robot)
     goals = [example.goal for example in task.examples]
@@ -62,7 +66,7 @@ def synthesize_by_enumeration(task: Task, robot: MemoRobot, budget: Budget = USU
                 passed = sum(map(goal_match, ends, goals))
                 if best is None or passed > best[0]:
                     best = passed, program
-        over = meter.exceeds(budget)
+        over = meter.exceeds(budget) or watch.stopped()
     found = attempt_all([best[1]], task, robot) if best else []
     candidates = tuple(Candidate((attempt,), 0, "enumeration") for attempt in found)
     return Solution(task.name, candidates, meter.actions, meter.seconds, candidates)

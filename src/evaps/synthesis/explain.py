@@ -13,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import count, product
+from itertools import count, islice, product
 from typing import ClassVar
 
 from evaps.dsl import Program
@@ -27,11 +27,11 @@ from evaps.synthesis.known import CONDITIONS, Block, Known
 ACTION, BRANCH, LOOP = 4, 5, 5
 PER_STATE = 4  # ways to the same state that are followed
 
+MOST_SUFFIXES = 20_000  # states of which it is known what is left; where more goals look alike, not all are
+
 State = tuple[Node, ...]
 Bodies = dict[State, tuple[int, int, Block]]
 """For each state that a block may lead to the cheapest one: what it costs, its conditions, and itself."""
-
-
 Scenes = tuple[int, ...]
 """The scenes that a block runs in, in the order of its state."""
 Steps = Iterator[tuple[int, int, Statement, State]]
@@ -190,9 +190,9 @@ class Explainer:
                     reverse[action][child].append(node)
             into.append(reverse)
         found: dict[State, int] = {}
-        level = list(product(*(graph.goals for graph in self.graphs)))
+        level = list(islice(product(*(graph.goals for graph in self.graphs)), MOST_SUFFIXES))
         length = 0
-        while level and len(found) < 20_000:
+        while level and len(found) < MOST_SUFFIXES:
             new: list[State] = []
             for state in level:
                 if state not in found:
@@ -200,7 +200,7 @@ class Explainer:
                     for action in into[0]:
                         before = [reverse[action].get(n, []) for reverse, n in zip(into, state, strict=True)]
                         if all(before):
-                            new += product(*before)
+                            new += islice(product(*before), MOST_SUFFIXES - len(new))
             level, length = new, length + ACTION
         return found
 

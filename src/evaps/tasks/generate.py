@@ -75,7 +75,7 @@ def generate_task(seed: int, index: int, robot: MemoRobot, config: SamplerConfig
                 return draft
 
 
-def test_task(seed: int, robot: MemoRobot) -> Task:
+def unseen_task(seed: int, robot: MemoRobot) -> Task:
     """The first task of this seed whose program belongs to the test split: no method has learned from it."""
     drafts = (generate_task(seed, index, robot) for index in count())
     draft = next(d for d in drafts if split_of(d.program) == "test")

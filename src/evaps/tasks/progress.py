@@ -4,15 +4,32 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 T = TypeVar("T")
-LINE_EVERY = 60.0  # seconds, where there is no terminal
+LINE_EVERY, LINE_EVERY_VERBOSE = 60.0, 5.0  # seconds, where there is no terminal
 
 CONSOLE = Console(stderr=True)
+
+
+@dataclass
+class Loudness:
+    """What is said beside results, of this process.
+
+    Attributes:
+        quiet: no progress.
+        verbose: progress more often, and what a search finds as it goes on.
+    """
+
+    quiet: bool = False
+    verbose: bool = False
+
+
+LOUDNESS = Loudness()
 
 
 def track(items: Iterable[T], total: int, what: str, done: int = 0, per_item: int = 1) -> Iterator[T]:
@@ -25,6 +42,8 @@ def track(items: Iterable[T], total: int, what: str, done: int = 0, per_item: in
         done: how many units were done before.
         per_item: how many units an item is worth.
     """
+    if LOUDNESS.quiet:
+        return iter(items)
     return (_bar if CONSOLE.is_terminal else _lines)(items, total, what, done, per_item)
 
 
@@ -50,7 +69,7 @@ def _lines(items: Iterable[T], total: int, what: str, done: int, per_item: int) 
     for item in items:
         yield item
         done = min(done + per_item, total)
-        if time.monotonic() - shown > LINE_EVERY:
+        if time.monotonic() - shown > (LINE_EVERY_VERBOSE if LOUDNESS.verbose else LINE_EVERY):
             shown = time.monotonic()
             rate = (done - before) / (shown - start)
             left = (total - done) / max(rate, 1e-9)

@@ -28,7 +28,7 @@ FEW = 12  # things that are named on the map
 LINE = 18
 SECONDS = 0.8  # that each moment of a GIF is shown
 INK, PAPER, MARK, FAINT = (32, 32, 40), (250, 250, 248), (255, 228, 140), (140, 140, 150)
-GRID, BLOCK = (214, 214, 206), (130, 74, 46)
+GRID, BLOCK, BEYOND = (214, 214, 206), (130, 74, 46), (150, 150, 156)
 ROBOT, ALIVE, DEAD = (30, 90, 200), (200, 60, 40), (170, 170, 170)
 
 
@@ -94,7 +94,7 @@ def save_film(path: Path, program: Program, scene: Scene, moments: Sequence[Mome
     check_film(path)
     pictures = [draw(program, scene, moments, time) for time in range(len(moments))]
     out = BytesIO()
-    if path.suffix == ".gif":
+    if path.suffix.lower() == ".gif":
         rest: dict[str, Any] = dict(append_images=pictures[1:], save_all=True, loop=0)
         pictures[0].save(out, "GIF", duration=round(1000 * SECONDS), **rest)
     else:
@@ -108,7 +108,7 @@ def check_film(path: Path) -> None:
     Raises:
         UserError: it ends in neither ``.gif`` nor ``.png``.
     """
-    if path.suffix not in (".gif", ".png"):
+    if path.suffix.lower() not in (".gif", ".png"):
         raise UserError(f"a film must end in .gif or .png, not {path.name!r}")
 
 
@@ -171,6 +171,11 @@ def _map(scene: Scene, states: Sequence[WorldState]) -> Picture.Image:
     pen = ImageDraw.Draw(picture)
     pen.rectangle((0, 0, width - 1, height - 1), outline=INK)
     _draw_grid(pen)
+    for end in scene.things:
+        if end.kind == world().border:
+            x, y = _place(end.x - world().grid / 2, end.y - world().grid / 2)
+            pen.rectangle((x, 0, width, height), fill=BEYOND)
+            pen.rectangle((0, 0, width, y), fill=BEYOND)
     for block in scene.things:
         if block.kind in world().blocks:
             half = world().radii[block.kind]

@@ -40,7 +40,8 @@ def show_solution(console: Console, report: TaskReport) -> None:
         console.print(Text(text, "dim"))
         console.print(Padding(changes_text(step.changes, colours), (0, 0, 0, 2), expand=False))
     console.print()
-    console.print(Padding(program_text(best.program), (0, 0, 0, 2), expand=False))
+    for line in program_text(best.program).split("\n"):
+        console.print(Text("  ") + line, soft_wrap=True)  # as it is, so that it can be copied
     if len(report.solution.candidates) > 1:
         console.print(_others(report))
 

@@ -15,7 +15,8 @@ const state = {
   run: null,       // what /api/run said of the current scene
   time: 0,
   examples: [],    // at most five: { scene, goal_rgb, goal_depth, first }
-  job: null,
+  job: null,       // the search that is under way
+  budget: 0,       // how many actions it may simulate
 };
 
 // --- asking the server -------------------------------------------------------------------------------------
@@ -44,7 +45,8 @@ function say(text) {
 function safely(action) {
   return async (event) => {
     const button = event?.currentTarget instanceof HTMLButtonElement ? event.currentTarget : null;
-    if (button) button.setAttribute("aria-busy", "true");
+    if (button?.getAttribute("aria-busy")) return;
+    button?.setAttribute("aria-busy", "true");
     try {
       say(null);
       await action(event);
@@ -91,11 +93,16 @@ function refreshSoon() {
 function sceneChanged() {
   asked++;
   state.driven = [];
+  forgetRun();
+  drawMap();
+  refreshSoon();
+}
+
+function forgetRun() {
   state.run = null;
   state.time = 0;
-  drawMap();
+  $("world").classList.add("stale");
   enable();
-  refreshSoon();
 }
 
 // --- the map ------------------------------------------------------------------------------------------------
@@ -123,31 +130,51 @@ function drawMap(keep) {
   map.replaceChildren();
   const moments = state.run?.moments.slice(0, state.time + 1) ?? [];
   const now = moments.at(-1)?.state;
-  const there = (moment, thing) => moment.things.some((t) => t.alive && t.kind === thing.kind && near(t, thing));
+  const alike = (things, thing) => things.filter((t) => t.alive !== false && t.kind === thing.kind && near(t, thing)).length;
+  drawGrid(map);
   if (moments.length > 1) {
     const way = moments.map((m) => `${across(m.state.x)},${down(m.state.y)}`).join(" ");
     shape("polyline", { class: "way", points: way }, map);
     marker(map, now.x, now.y, now.heading, "ghost");
   }
-  for (let at = facts.grid; at && at < span(facts.arena.x); at += facts.grid)
-    shape("line", { class: "grid", x1: at * scale(), x2: at * scale(), y2: "100%" }, map);
-  for (let at = facts.grid; at && at < span(facts.arena.y); at += facts.grid)
-    shape("line", { class: "grid", y1: at * scale(), y2: at * scale(), x2: "100%" }, map);
   state.scene.things.forEach((thing, index) => {
-    const gone = now && there(moments[0].state, thing) && !there(now, thing);
+    const changes = now && alike(moments[0].state.things, thing) > 0; // what stays as it is is in no state
+    const gone = changes && alike(state.scene.things.slice(0, index), thing) >= alike(now.things, thing);
     const group = item(map, thing, `${thing.kind} ${index + 1}`, gone);
     body(thing.kind, group);
     shape("circle", { class: "hit", r: Math.max(24, radius(thing.kind)) }, group);
-    const alike = state.scene.things.filter((t) => t.kind === thing.kind && t.x === thing.x && t.y === thing.y).length;
-    const name = alike > 1 ? alike : radius(thing.kind) > 20 ? thing.kind : ""; // it must not cover its neighbours
+    shape("title", {}, group).textContent = thing.kind;
+    const number = changes ? alike(now.things, thing) : alike(state.scene.things, thing);
+    const name = number > 1 ? number : radius(thing.kind) > 20 ? thing.kind : ""; // it must not cover its neighbours
     shape("text", { y: 5, "text-anchor": "middle" }, group).textContent = name;
   });
+  for (const thing of now?.things ?? []) { // what was not there at the beginning
+    if (!thing.alive || alike(moments[0].state.things, thing)) continue;
+    const group = shape("g", { class: "put", transform: `translate(${across(thing.x)} ${down(thing.y)})` }, map);
+    body(thing.kind, group);
+    const number = alike(now.things, thing);
+    shape("text", { y: 5, "text-anchor": "middle" }, group).textContent = number > 1 ? number : "";
+  }
   const robot = item(map, state.scene.robot, `The robot, heading ${state.scene.robot.heading} degrees`, false);
   shape("circle", { class: "body robot", r: radius("robot") }, robot);
   shape("circle", { class: "hit", r: Math.max(24, radius("robot")) }, robot);
   const angle = (state.scene.robot.heading * Math.PI) / 180;
   shape("line", { x2: (radius("robot") + 24) * Math.cos(angle), y2: -(radius("robot") + 24) * Math.sin(angle), stroke: "var(--accent)", "stroke-width": 6 }, robot);
   if (keep !== undefined) map.querySelectorAll(".thing")[keep]?.focus();
+}
+
+/** Cells, if there are any, and what lies beyond the thing that ends the scene. */
+function drawGrid(map) {
+  const end = state.scene.things.find((thing) => thing.kind === facts.border);
+  if (end) {
+    const [x, y] = [across(end.x - facts.grid / 2), down(end.y - facts.grid / 2)];
+    shape("rect", { class: "beyond", x, y: 0, width: "100%", height: "100%" }, map);
+    shape("rect", { class: "beyond", x: 0, y: 0, width: Math.max(0, x), height: Math.max(0, y) }, map);
+  }
+  for (let at = facts.grid; at && at < span(facts.arena.x); at += facts.grid)
+    shape("line", { class: "grid", x1: at * scale(), x2: at * scale(), y2: "100%" }, map);
+  for (let at = facts.grid; at && at < span(facts.arena.y); at += facts.grid)
+    shape("line", { class: "grid", y1: at * scale(), y2: at * scale(), x2: "100%" }, map);
 }
 
 function body(kind, group) {
@@ -184,8 +211,11 @@ function move(place, x, y) {
 }
 
 function drag(event, place) {
+  if (event.button !== 0) return;
   event.preventDefault();
+  event.currentTarget.focus();
   const map = $("map");
+  const before = [place.x, place.y];
   const to = (e) => {
     const point = new DOMPoint(e.clientX, e.clientY).matrixTransform(map.getScreenCTM().inverse());
     move(place, point.x / scale() + facts.arena.x[0], facts.arena.y[1] - point.y / scale());
@@ -194,7 +224,7 @@ function drag(event, place) {
   const over = new AbortController();
   const end = () => {
     over.abort();
-    sceneChanged();
+    if (place.x !== before[0] || place.y !== before[1]) sceneChanged();
   };
   addEventListener("pointermove", to, { signal: over.signal });
   for (const name of ["pointerup", "pointercancel"]) addEventListener(name, end, { signal: over.signal });
@@ -205,10 +235,11 @@ function onKey(event, place) {
   const turn = Math.max(TURN, facts.headings);
   const moves = { ArrowLeft: [-far, 0], ArrowRight: [far, 0], ArrowUp: [0, far], ArrowDown: [0, -far] };
   const index = isRobot(place) ? state.scene.things.length : state.scene.things.indexOf(place);
+  const stays = isRobot(place) || place.kind === facts.border;
   if (event.key in moves) move(place, place.x + moves[event.key][0], place.y + moves[event.key][1]);
   else if (isRobot(place) && (event.key === "[" || event.key === "]"))
     place.heading = (place.heading + (event.key === "[" ? turn : 360 - turn)) % 360;
-  else if (!isRobot(place) && (event.key === "Delete" || event.key === "Backspace")) state.scene.things.splice(index, 1);
+  else if (!stays && (event.key === "Delete" || event.key === "Backspace")) state.scene.things.splice(index, 1);
   else return;
   event.preventDefault();
   sceneChanged();
@@ -238,6 +269,7 @@ function add(kind) {
 
 function drawMoment() {
   const { moments } = state.run;
+  $("world").classList.remove("stale");
   const moment = moments[state.time];
   $("rgb").src = moment.rgb;
   $("depth").src = moment.depth;
@@ -275,14 +307,21 @@ function drawLines(at = [], wrong) {
 
 // --- driving, and programs ----------------------------------------------------------------------------------
 
-async function drive(action) {
-  state.driven.push(action);
-  try {
-    await refresh();
-  } catch (error) {
-    state.driven.pop();
-    throw error;
-  }
+let driving = Promise.resolve();
+/** One action after the other, however quickly the keys are pressed, so that each that fails is taken back. */
+function drive(action) {
+  driving = driving.catch(() => {}).then(async () => {
+    state.driven.push(action);
+    enable();
+    try {
+      await refresh();
+    } catch (error) {
+      state.driven.pop();
+      enable();
+      throw error;
+    }
+  });
+  return driving;
 }
 
 function choose(name) {
@@ -349,10 +388,13 @@ function drawExamples(passed = []) {
       slot.append(mark);
     }
     slot.append(picture(example.first, "starts with", index), picture(example.goal_rgb, "should see", index));
-    slot.append(button("Go there", () => go(index)), button("Remove", () => {
+    const remove = button("Remove", () => {
       state.examples.splice(index, 1);
       drawExamples();
-    }));
+      $("examples").querySelectorAll("button.remove")[Math.min(index, state.examples.length - 1)]?.focus();
+    });
+    remove.className = "remove";
+    slot.append(button("Go there", () => go(index)), remove);
     return slot;
   });
   $("examples").replaceChildren(...slots);
@@ -363,8 +405,11 @@ function drawExamples(passed = []) {
 function enable() {
   const full = state.examples.length >= facts.examples;
   const current = state.run !== null && state.run.program === program();
-  $("keep").disabled = full || !current || state.run.halted === false;
+  $("keep").disabled = full || !current || state.run.halted === false || state.job !== null;
   $("save").disabled = !full;
+  const searching = state.job !== null; // what it searches for has to stay as it is
+  for (const id of ["five", "clear", "tasks", "random-task"]) $(id).disabled = searching;
+  for (const remove of document.querySelectorAll("button.remove")) remove.disabled = searching;
   $("synthesize").disabled = !full || state.job !== null;
 }
 
@@ -390,6 +435,7 @@ function button(text, action) {
 async function go(index) {
   state.scene = structuredClone(state.examples[index].scene);
   state.driven = [];
+  forgetRun();
   await refresh(state.byHand);
 }
 
@@ -426,17 +472,22 @@ async function synthesize() {
   $("result").hidden = true;
   $("progress").textContent = "beginning...";
   state.job = "starting";
+  state.budget = Number($("actions").value);
   drawExamples();
+  const begun = Date.now();
+  const clock = setInterval(() => {
+    if (!$("log").childElementCount) $("progress").textContent = `searching, ${Math.round((Date.now() - begun) / 1000)} s...`;
+  }, 1000);
   try {
     const reply = await ask("api/synthesize",
-      { ...asTask(), method: $("method").value, seconds: Number($("seconds").value), actions: Number($("actions").value) });
-    $("stop").hidden = false;
+      { ...asTask(), method: $("method").value, seconds: Number($("seconds").value), actions: state.budget });
     for await (const line of linesOf(reply)) hear(line);
     await tellReplaced();
   } catch (error) {
     $("progress").textContent = "";
     throw error;
   } finally {
+    clearInterval(clock);
     state.job = null;
     $("stop").hidden = true;
     enable();
@@ -457,10 +508,13 @@ async function* linesOf(reply) {
 
 function hear(line) {
   if (line.error) throw new Error(line.error);
-  if (line.job) state.job = line.job;
+  if (line.job) {
+    state.job = line.job;
+    $("stop").hidden = false;
+  }
   if (line.news) {
     const passed = line.passed.filter(Boolean).length;
-    $("progress").textContent = `${passed} of ${line.passed.length} goals, ${line.actions} of ${$("actions").value} actions simulated, ${line.seconds.toFixed(1)} s`;
+    $("progress").textContent = `${passed} of ${line.passed.length} goals, ${line.actions} of ${state.budget} actions simulated, ${line.seconds.toFixed(1)} s`;
     const entry = document.createElement("li");
     entry.textContent = `${line.seconds.toFixed(1)} s: ${line.news}`;
     if (line.python) {
@@ -476,12 +530,14 @@ function hear(line) {
 
 function showAnswer(answer) {
   const [best, ...others] = answer.candidates;
+  $("progress").textContent = `${answer.actions} actions simulated, ${answer.seconds.toFixed(1)} s`;
+  if (!best) throw new Error("the search has found no program at all");
   const sure = answer.confidence === null || !answer.solved ? "" : `, confidence ${answer.confidence.toFixed(2)}`;
   const what = answer.solved ? "It reaches all five goals" : answer.stopped ? "Stopped; the best so far" : "None reaches all goals; the best so far";
   $("verdict").textContent = `${what}${sure} (${answer.seconds.toFixed(1)} s, ${answer.actions} actions)`;
   $("verdict").className = answer.solved ? "yes" : "no";
   $("found").textContent = best.python;
-  $("report").href = `api/report/${state.job}`;
+  $("report").href = $("report-save").href = `api/report/${state.job}`;
   $("others-box").hidden = others.length === 0;
   $("others").replaceChildren(...others.map((other) => {
     const entry = document.createElement("li");
@@ -509,6 +565,7 @@ function listen() {
   on("tasks", async () => { if ($("tasks").value) await load(await askJson(`api/tasks/${encodeURIComponent($("tasks").value)}`)); }, "change");
   on("random-task", async () => { await load(await askJson("api/random-task", {})); });
   on("save", save);
+  on("message", () => {});
   on("clear", () => { state.examples = []; $("result").hidden = true; $("log").replaceChildren(); $("progress").textContent = ""; drawExamples(); });
   on("synthesize", synthesize);
   on("stop", async () => { await askJson(`api/stop/${state.job}`, {}); });
@@ -538,8 +595,18 @@ async function begin() {
   keys = Object.fromEntries(facts.keys);
   words = facts.words;
   $("known-keys").textContent = facts.keys.map(([key, action]) => `${key === " " ? "Space" : key.toUpperCase()} ${words[action]}`).join(", ");
-  $("palette").append(...facts.kinds.map((kind) => button(`+ ${kind}`, () => add(kind))));
-  $("buttons").append(...facts.keys.map(([, action]) => button(words[action], () => drive(action))));
+  $("palette").append(...facts.kinds.map((kind) => {
+    const made = button(`+ ${kind} `, () => add(kind));
+    const colour = shape("svg", { viewBox: "0 0 10 10", width: 12, height: 12, "aria-hidden": true });
+    shape("rect", { class: `body ${kind}`, width: 10, height: 10, rx: facts.blocks.includes(kind) ? 0 : 5 }, colour);
+    made.append(colour);
+    return made;
+  }));
+  $("buttons").append(...facts.keys.map(([, action]) => {
+    const made = button(words[action], () => {});
+    made.addEventListener("click", () => { safely(() => drive(action))(); }); // as often as it is pressed
+    return made;
+  }));
   $("known-actions").textContent = Object.values(facts.calls.actions).join(" ");
   $("known-conditions").textContent = facts.calls.conditions.join(" ");
   $("tasks").append(...facts.tasks.map((name) => new Option(name, name)));
