@@ -107,8 +107,9 @@ def test_a_task_that_is_drawn_with_the_mouse_is_solved(page: Page) -> None:
             expect(page.locator("#time-text")).to_have_text(f"{times} of {times}")
         page.get_by_role("button", name="Keep this as an example").click()
         expect(page.locator("#examples li.filled")).to_have_count(number + 1)
+    page.get_by_label("for at most").fill("60")
     page.get_by_role("button", name="Synthesize").click()
-    expect(page.locator("#verdict")).to_contain_text("It reaches all five goals")
+    expect(page.locator("#verdict")).to_contain_text("It reaches all five goals", timeout=6 * SECONDS)
     expect(page.locator("#found")).to_contain_text("move_forward()")
     page.get_by_role("button", name="Start anew").click()
 
@@ -131,7 +132,7 @@ def test_five_examples_become_a_program(page: Page) -> None:
     page.get_by_role("button", name="Make five examples of it").click()
     expect(page.locator("#examples li.filled")).to_have_count(5)
     page.get_by_role("button", name="Synthesize").click()
-    expect(page.locator("#verdict")).to_contain_text("It reaches all five goals")
+    expect(page.locator("#verdict")).to_contain_text("It reaches all five goals", timeout=6 * SECONDS)
     expect(page.locator("#found")).to_contain_text("def run():")
     expect(page.locator("#examples .yes")).to_have_count(5)
     assert page.locator("#log li").count() > 1
@@ -154,7 +155,7 @@ def test_a_random_task_is_drawn_and_worked_on_for_as_much_as_is_said(page: Page)
     expect(page.locator("#examples img[src]")).to_have_count(10)
     page.get_by_label("simulated actions").fill("150")
     page.get_by_role("button", name="Synthesize").click()
-    expect(page.locator("#verdict")).to_be_visible()
+    expect(page.locator("#verdict")).to_be_visible(timeout=6 * SECONDS)
     expect(page.locator("#progress")).to_contain_text("of 150 actions")
 
 

@@ -530,7 +530,7 @@ function hear(line) {
 
 function showAnswer(answer) {
   const [best, ...others] = answer.candidates;
-  $("progress").textContent = `${answer.actions} actions simulated, ${answer.seconds.toFixed(1)} s`;
+  $("progress").textContent = `${answer.actions} of ${state.budget} actions simulated, ${answer.seconds.toFixed(1)} s`;
   if (!best) throw new Error("the search has found no program at all");
   const sure = answer.confidence === null || !answer.solved ? "" : `, confidence ${answer.confidence.toFixed(2)}`;
   const what = answer.solved ? "It reaches all five goals" : answer.stopped ? "Stopped; the best so far" : "None reaches all goals; the best so far";
