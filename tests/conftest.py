@@ -1,5 +1,6 @@
 """A remembering robot for a whole file, and modules that tests of several rooms import."""
 
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +10,9 @@ import pytest
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
+
+# A background job of a script is born deaf to Ctrl-C, and so would be the commands that tests start and stop.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 HERE = Path(__file__).parent
 sys.path += [str(HERE), str(HERE / "robots")]  # `rows`, `commands`; `robot_jobs`, `engine_processes`

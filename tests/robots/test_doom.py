@@ -637,7 +637,9 @@ def test_the_engine_says_nothing_and_leaves_nothing(tmp_path: Path, end: str) ->
     assert [path.parent.relative_to(folders["home"]) for path in files] == [Path(".cache/evaps")]
 
 
-def test_ctrl_c_reaches_the_program_and_not_the_engine(engines: Engines) -> None:
+def test_ctrl_c_reaches_the_program_and_not_the_engine(
+    engines: Engines, request: pytest.FixtureRequest
+) -> None:
     code = f"""{PLAY}
 try:
     print("plays", flush=True)
@@ -651,6 +653,7 @@ except KeyboardInterrupt:
 """
     command = [sys.executable, "-c", code]
     job = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    request.addfinalizer(job.kill)
     assert job.stdout is not None
     assert job.stdout.readline() == "plays\n"
     before = engines(job.pid)
