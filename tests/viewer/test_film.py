@@ -1,5 +1,6 @@
 """Films show what a run's moments were."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from PIL import Image as Picture
 from evaps.dsl import Program, UserError, run
 from evaps.robots.base import Pose, Scene, Thing
 from evaps.robots.memo import MemoRobot
-from evaps.viewer.film import MARGIN, MARK, WIDTH, record, save_film
+from evaps.viewer.film import MARGIN, MARK, WIDTH, draw, record, save_film
 
 PROGRAM = Program.parse(
     "DEF run m( IF c( ISTHERE Demon c) i( MOVE_LEFT i) "
@@ -33,8 +34,8 @@ def test_moments_are_those_of_the_run(robot: MemoRobot) -> None:
 
 @pytest.mark.parametrize("name", ["film.gif", "film.png"])
 def test_every_moment_is_in_the_film(robot: MemoRobot, tmp_path: Path, name: str) -> None:
-    _, moments = record(PROGRAM, SCENE, robot)
-    save_film(tmp_path / name, PROGRAM, SCENE, moments)
+    trace, moments = record(PROGRAM, SCENE, robot)
+    save_film(tmp_path / name, trace, SCENE, moments)
     with Picture.open(tmp_path / name) as film:
         if name.endswith("gif"):
             assert film.n_frames == len(moments)  # type: ignore[attr-defined]
@@ -50,6 +51,18 @@ def test_every_moment_is_in_the_film(robot: MemoRobot, tmp_path: Path, name: str
         assert np.array_equal(view, moments[0].view.rgb)
 
 
-def test_other_names_are_told(tmp_path: Path) -> None:
+def test_other_names_are_told(robot: MemoRobot, tmp_path: Path) -> None:
+    trace, moments = record(PROGRAM, SCENE, robot)
     with pytest.raises(UserError, match=r"must end in \.gif or \.png"):
-        save_film(tmp_path / "film.mp4", PROGRAM, SCENE, [])
+        save_film(tmp_path / "film.mp4", trace, SCENE, moments)
+    save_film(tmp_path / "film.GIF", trace, SCENE, moments[:1])
+
+
+def test_a_run_that_does_not_halt_says_so_at_its_end(robot: MemoRobot) -> None:
+    endless = Program.parse("DEF run m( WHILE c( ISTHERE Demon c) w( MOVE_LEFT MOVE_RIGHT w) m)")
+    trace, moments = record(endless, SCENE, robot)
+    assert not trace.halted
+    cut = [*moments[:2]]
+    halted = replace(trace, halted=True)
+    assert draw(trace, SCENE, cut, 0).tobytes() == draw(halted, SCENE, cut, 0).tobytes()
+    assert draw(trace, SCENE, cut, 1).tobytes() != draw(halted, SCENE, cut, 1).tobytes()

@@ -60,7 +60,7 @@ class Run(Command):
                 from evaps.viewer.film import record, save_film
 
                 trace, moments = record(program, scene, robot)
-                save_film(self.film, program, scene, moments)
+                save_film(self.film, trace, scene, moments)
             state = robot.state()
         finally:
             robot.close()

@@ -85,14 +85,14 @@ def record(program: Program, scene: Scene, robot: Robot) -> tuple[Trace[Observat
     return trace, moments
 
 
-def save_film(path: Path, program: Program, scene: Scene, moments: Sequence[Moment]) -> None:
+def save_film(path: Path, trace: Trace[Observation], scene: Scene, moments: Sequence[Moment]) -> None:
     """Write a GIF that plays, or a PNG in which the moments stand below one another.
 
     Raises:
         UserError: the name ends in neither ``.gif`` nor ``.png``.
     """
     check_film(path)
-    pictures = [draw(program, scene, moments, time) for time in range(len(moments))]
+    pictures = [draw(trace, scene, moments, time) for time in range(len(moments))]
     out = BytesIO()
     if path.suffix.lower() == ".gif":
         rest: dict[str, Any] = dict(append_images=pictures[1:], save_all=True, loop=0)
@@ -130,17 +130,21 @@ def _strip(pictures: Sequence[Picture.Image]) -> Picture.Image:
     return strip
 
 
-def draw(program: Program, scene: Scene, moments: Sequence[Moment], time: int) -> Picture.Image:
+def draw(trace: Trace[Observation], scene: Scene, moments: Sequence[Moment], time: int) -> Picture.Image:
     """The picture of one moment: view, map, program and perceptions."""
     moment = moments[time]
     view = _view_size()
     left, right = MARGIN, 2 * MARGIN + WIDTH
     top, middle = MARGIN + LINE, 2 * MARGIN + LINE + view[1]
+    program = trace.program
     lines = len(program.python_lines) + len(PERCEPTION_KEYS) + 3
     height = max(middle + _map_size()[1] + MARGIN, top + lines * LINE + MARGIN)
     picture = Picture.new("RGB", (right + CODE + MARGIN, height), PAPER)
     pen = ImageDraw.Draw(picture)
-    pen.text((left, MARGIN - 4), f"after {time} of {len(moments) - 1} actions", INK, _font())
+    said = f"after {time} of {len(moments) - 1} actions"
+    if time == len(moments) - 1 and not trace.halted:
+        said += ": stopped there, too many steps"
+    pen.text((left, MARGIN - 4), said, INK, _font())
     picture.paste(Picture.fromarray(moment.view.rgb).resize(view, Picture.Resampling.NEAREST), (left, top))
     picture.paste(_map(scene, [m.state for m in moments[: time + 1]]), (left, middle))
     _write(pen, program, moment, (right, top))
