@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict, dataclass
 
 from evaps.cli.command import Command
-from evaps.cli.inputs import File, check_least, check_writable
+from evaps.cli.inputs import MaybeFile, check_least, check_writable
 from evaps.domain import CHOSEN, DOOM, VARIABLE
 from evaps.dsl import UserError
 
@@ -25,7 +25,7 @@ class Bench(Command):
     """About how long each rate is measured."""
     batch: int = 32
     """Programs that a method learns from at a time."""
-    out: File | None = None
+    out: MaybeFile = None
     """Write the figures as JSON lines, with the machine and the commit."""
 
     def run(self) -> None:

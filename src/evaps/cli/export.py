@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Literal
-
-from tyro.conf import arg
+from typing import Literal
 
 from evaps.cli.command import Command
-from evaps.cli.inputs import ProgramFile, check_writable, read_program
+from evaps.cli.inputs import MaybeFile, ProgramFile, check_writable, read_program
 from evaps.files import write_atomically
 
 
@@ -22,7 +19,7 @@ class Export(Command):
     """File with the program, in the token form or the Python form; - reads standard input."""
     to: Literal["python", "behavior-tree"] = "python"
     """The form."""
-    out: Annotated[Path | None, arg(metavar="FILE")] = None
+    out: MaybeFile = None
     """The file; standard output without it."""
 
     def run(self) -> None:

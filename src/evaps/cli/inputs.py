@@ -19,6 +19,7 @@ from evaps.tasks.files import decode, read_json, read_text
 
 ProgramFile: TypeAlias = Annotated[str, arg(metavar="FILE|-")]
 File: TypeAlias = Annotated[Path, arg(metavar="FILE")]
+MaybeFile: TypeAlias = Annotated[Path | None, arg(metavar="FILE")]
 Folder: TypeAlias = Annotated[Path, arg(metavar="DIR")]
 
 

@@ -20,8 +20,8 @@ class Report(Command):
     candidates, actions, seconds, rounds, effects, edits, noise, sizes, learning; or all.
     """
 
-    name: Positional[str]
-    """Of the report, or all."""
+    name: Annotated[Positional[str], arg(metavar="NAME")]
+    """Which of these, or all."""
     rows: Annotated[Path, arg(metavar="PATH")]
     """A Parquet file of rows, or a folder of such files."""
     out: Annotated[Path, arg(metavar="DIR")] = Path("report")

@@ -6,13 +6,10 @@ import hashlib
 import json
 from collections import Counter
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-from tyro.conf import arg
+from typing import TYPE_CHECKING, Any
 
 from evaps.cli.command import Command
-from evaps.cli.inputs import File, ProgramFile, check_writable, read_program, read_scene
+from evaps.cli.inputs import File, MaybeFile, ProgramFile, check_writable, read_program, read_scene
 
 if TYPE_CHECKING:
     from evaps.dsl import Trace
@@ -37,7 +34,7 @@ class Run(Command):
     """JSON file with the scene: {"robot": {"x", "y", "heading"}, "things": [{"kind", "x", "y"}, ...]}."""
     json: bool = False
     """Print one JSON object instead of a summary; it also has SHA-256 sums of the first and last views."""
-    film: Annotated[Path | None, arg(metavar="FILE")] = None
+    film: MaybeFile = None
     """Write what happened as pictures: a .gif that plays, or a .png in which they stand below one another."""
 
     def run(self) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from tyro.conf import Positional
 
 from evaps.cli.command import Command
-from evaps.cli.inputs import File, check_least, check_writable, writing
+from evaps.cli.inputs import File, MaybeFile, check_least, check_writable, writing
 from evaps.domain import CHOSEN, DOOM
 from evaps.dsl import UserError
 
@@ -58,7 +58,7 @@ class Synthesize(Command):
     """Show a scene on which another program that passes all examples does otherwise, if one was found."""
     json: bool = False
     """Print one JSON object a task, a line each."""
-    report: File | None = None
+    report: MaybeFile = None
     """Write a page that shows what happened: goals, repairs, what the robot saw."""
 
     def run(self) -> None:
