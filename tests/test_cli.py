@@ -116,6 +116,15 @@ class TestOnTheEngine:
         assert all(row["well"] for row in found.values() if row["needed"])
         assert "120 x 160" in found["engine"]["found"]
 
+    def test_what_is_said_beside_results_is_more_or_nothing(self, folder: Path) -> None:
+        task = Path(__file__).parents[1] / "examples" / "tasks" / "look-around"
+        told = {
+            how: evaps(*how.split(), "synthesize", task, "--json", folder=folder).stderr
+            for how in ("", "--quiet", "--verbose")
+        }
+        assert told[""] == told["--quiet"] == ""
+        assert "programs pass all examples" in told["--verbose"]
+
     def test_a_run_that_does_not_halt_is_no_error(self, folder: Path) -> None:
         done = evaps("run", "--program", "-", "--scene", "overlap", folder=folder, stdin=ENDLESS)
         assert done.returncode == 2, "the scene is refused before the engine starts"
@@ -199,6 +208,7 @@ class TestOnTheEngine:
         ("bench --seconds 0", "--seconds must be more than 0, not 0"),
         ("generate .", ". is not empty and no data set; choose another folder"),
         ("generate scene", "scene cannot be written: "),
+        ("--tyro-write-completion bash none/here", "none/here: No such file or directory; is there such a"),
     ],
 )
 def test_a_users_error_is_one_clear_line(folder: Path, arguments: str, message: str) -> None:

@@ -178,6 +178,12 @@ def test_a_task_is_made_learned_from_and_solved(shell: Shell, tmp_path: Path) ->
     rows, source, scenes = (tmp_path / file for file in ("rows.parquet", "program.py", "scenes.json"))
     judged = ("--data", data, "--model", runs, "--out", rows, "--tasks", 2, "--workers", 0)
     assert shell("evaluate", *judged, "--methods", "lgrl", "evaps").count("\n|") == 3
+    again = [
+        json.loads(line)
+        for line in shell("evaluate", *judged, "--methods", "lgrl", "evaps", "--json").splitlines()
+    ]
+    assert [(row["method"], row["tasks"]) for row in again] == [("lgrl", 2), ("evaps", 2)]
+    assert all(0 <= row["generalization@1"] <= row["generalization@20"] <= 1 for row in again)
     shell("report", "table-1", "--rows", rows, "--out", tmp_path / "report")
 
     five = [read_table(data / "tasks.parquet")["scenes"][i].as_py()[0] for i in range(5)]

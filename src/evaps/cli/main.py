@@ -14,7 +14,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, OmitSubcommandPrefixes, subcommand
 
 from evaps.cli.bench import Bench
-from evaps.cli.command import FAILED, close_output, exit_status
+from evaps.cli.command import FAILED, WRONG_INPUT, close_output, exit_status
 from evaps.cli.data import Data
 from evaps.cli.doctor import Doctor
 from evaps.cli.evaluate import Evaluate
@@ -76,6 +76,9 @@ def main(args: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # whoever reads the help has seen enough
         close_output()
         return FAILED
+    except OSError as error:  # a completion that is to be written where nothing can be
+        print(f"evaps: {error.filename}: {error.strerror}; is there such a folder?", file=sys.stderr)
+        return WRONG_INPUT
     except SystemExit:
         with suppress(BrokenPipeError):
             sys.stdout.flush()
