@@ -159,6 +159,12 @@ def test_a_random_task_is_drawn_and_worked_on_for_as_much_as_is_said(page: Page)
     expect(page.locator("#progress")).to_contain_text("of 150 actions")
 
 
+def test_examples_outlive_a_reload(page: Page) -> None:
+    page.reload()
+    expect(page.locator("#examples img[src]")).to_have_count(10)
+    expect(page.get_by_role("button", name="Synthesize")).to_be_enabled()
+
+
 @pytest.mark.parametrize("width", [390, 768, 1280])
 def test_nothing_sticks_out_at_any_width(page: Page, width: int) -> None:
     page.set_viewport_size({"width": width, "height": 844})

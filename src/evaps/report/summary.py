@@ -45,7 +45,7 @@ def summary_values(rows: Path) -> list[dict[str, Any]]:
         {
             "method": run.method,
             "tasks": len(run.answers()),
-            **{f"{m}@{k}": float(run.matches(m, k).mean()) for m in METRICS for k in TOP},
+            **{f"{TITLES[m]}@{k}": float(run.matches(m, k).mean()) for m in METRICS for k in TOP},
             "answer": float(run.answered().mean()),
             "seconds": float(run.column("seconds").mean()),
             "simulated_actions": float(run.column("simulated_actions").mean()),

@@ -398,7 +398,27 @@ function drawExamples(passed = []) {
     return slot;
   });
   $("examples").replaceChildren(...slots);
+  remember();
   enable();
+}
+
+/** Examples outlive a reload, in this tab and for this robot. */
+const shelf = () => `examples of ${Object.keys(facts.calls.actions).join(" ")}`;
+
+function remember() {
+  try {
+    sessionStorage.setItem(shelf(), JSON.stringify(state.examples));
+  } catch {
+    // there is no room, or the browser keeps nothing: then they do not
+  }
+}
+
+function remembered() {
+  try {
+    return JSON.parse(sessionStorage.getItem(shelf())) ?? [];
+  } catch {
+    return [];
+  }
 }
 
 /** Which buttons can be pressed now. */
@@ -592,6 +612,7 @@ function listen() {
 async function begin() {
   facts = await askJson("api/facts");
   state.scene = facts.scene;
+  state.examples = remembered();
   keys = Object.fromEntries(facts.keys);
   words = facts.words;
   $("known-keys").textContent = facts.keys.map(([key, action]) => `${key === " " ? "Space" : key.toUpperCase()} ${words[action]}`).join(", ");
