@@ -43,14 +43,14 @@ def test_actions_alone_are_found_word_by_word(memo: MemoRobot) -> None:
     assert Explainer(graphs, Limits()).programs() == [program]
 
 
-def test_many_places_that_look_like_the_goal_are_no_harm() -> None:
+def test_many_places_that_look_like_the_goal_are_no_harm(memo: MemoRobot) -> None:
     """Of 20 in each of five scenes there are 3.2 million combinations; no more are kept than are of use."""
     graphs = []
     for _ in range(5):
-        tree = Tree(Scene(Pose(0, 0, 0), ()), None)  # type: ignore[arg-type]
+        tree = Tree(Scene(Pose(0, 0, 0), ()), memo)
         places = [tree.root]
         for _ in range(20):
-            places.append(Node((), None, tree))  # type: ignore[arg-type]
+            places.append(Node((), memo, tree))
             places[-2].children["TURN_LEFT"] = places[-1]
         graphs.append(Graph.of(places[0], places[1:]))
     assert len(Explainer(graphs, Limits())._suffixes()) <= 2 * MOST_SUFFIXES

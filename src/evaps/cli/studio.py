@@ -52,15 +52,14 @@ class Studio(Command):
         app = create_app(folders, self.model, names, everywhere)
         shown = socket.gethostname() if everywhere else f"[{name}]" if ":" in name else name
         print(f"evaps studio: http://{shown}:{port}/ (Ctrl-C ends it)", flush=True)
-        server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=5))
-        leave = server.handle_exit
 
-        def stop(sig: int, frame: FrameType | None) -> None:
-            """Ctrl-C: what somebody listens to has to end before the server can."""
-            app.state.searches.interrupt()
-            leave(sig, frame)
+        class Server(uvicorn.Server):
+            def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+                """Ctrl-C: a search that somebody listens to has to end before the server can."""
+                app.state.searches.interrupt()
+                super().handle_exit(sig, frame)
 
-        server.handle_exit = stop  # type: ignore[method-assign]
+        server = Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=5))
         server.run([listening])
 
 

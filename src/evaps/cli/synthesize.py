@@ -103,13 +103,13 @@ class Demo(Command):
         from evaps.models import load_model
         from evaps.tasks.task import load_task
 
-        folders, model = shipped_tasks(), load_model()
+        folders = shipped_tasks()
         if not folders and CHOSEN is DOOM:
             raise UserError(f"there are no tasks in {SHIPPED_TASKS[0]}; install evaps again")
         check_writable(self.out)
         tasks = [load_task(folder) for folder in folders] or random_tasks(RANDOM_TASKS)
         reports = []
-        for report in solve_all(tasks, model):
+        for report in solve_all(tasks, load_model()):
             show(report, False)
             reports.append(report)
         solved = sum(report.solution.solved for report in reports)
@@ -129,12 +129,10 @@ def shipped_tasks() -> list[Path]:
 
 def random_tasks(number: int) -> list[Task]:
     """Test tasks of the first seeds; see :func:`evaps.tasks.generate.unseen_task`."""
-    from evaps.dsl.sampler import PERCEPTION_KEYS
-    from evaps.robots.memo import MemoRobot
     from evaps.robots.world import world
     from evaps.tasks.generate import unseen_task
 
-    with closing(MemoRobot(world().robot(), PERCEPTION_KEYS, eager=False)) as robot:
+    with closing(world().robot()) as robot:
         return [unseen_task(seed, robot) for seed in range(number)]
 
 

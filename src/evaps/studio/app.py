@@ -21,11 +21,9 @@ from starlette.exceptions import HTTPException
 
 from evaps.domain import CHOSEN
 from evaps.dsl import Program, UserError
-from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.models import VERIFIED, Model, load_model, methods_in, model_folder
 from evaps.models.checkpoint import CheckpointError
 from evaps.robots.base import EngineError
-from evaps.robots.memo import MemoRobot
 from evaps.robots.world import world
 from evaps.studio import forms
 from evaps.studio.engines import Engines
@@ -106,8 +104,7 @@ def create_app(
     @app.post("/api/random-task")
     def random_task() -> dict[str, Any]:
         with engines.robot() as robot:
-            memo = MemoRobot(robot, PERCEPTION_KEYS, eager=False)
-            return forms.task_json(unseen_task(randrange(MOST_SEEDS), memo))
+            return forms.task_json(unseen_task(randrange(MOST_SEEDS), robot))
 
     @app.post("/api/check")
     def check(form: forms.ProgramForm) -> dict[str, Any]:

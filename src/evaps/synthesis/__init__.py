@@ -107,7 +107,7 @@ def solve(
 ) -> Solution:
     """The same on a robot that is there.
 
-    ``watch`` follows it, and may end it early.
+    ``watch`` follows it, and may end it early; ``prior``, which draws only ``top_k`` programs, does not ask.
     """
     if model.search is None:
         return synthesize_with(model, task, robot, top_k, rounds, watch=watch)

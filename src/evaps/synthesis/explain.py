@@ -26,7 +26,6 @@ from evaps.synthesis.known import CONDITIONS, Block, Known
 # Costs are about -log2 of what a construct has as a probability in a random program (`evaps.dsl.sampler`).
 ACTION, BRANCH, LOOP = 4, 5, 5
 PER_STATE = 4  # ways to the same state that are followed
-
 MOST_SUFFIXES = 20_000  # states of which it is known what is left; where more goals look alike, not all are
 
 State = tuple[Node, ...]

@@ -10,8 +10,8 @@ import numpy as np
 
 from evaps.dsl import ConditionEvent, Limits, Program, Trace, covered, run
 from evaps.dsl.counting import longest_run, programs_of_shape
-from evaps.dsl.sampler import SamplerConfig, sample_program
-from evaps.robots.base import Scene, WorldState
+from evaps.dsl.sampler import PERCEPTION_KEYS, SamplerConfig, sample_program
+from evaps.robots.base import Robot, Scene, WorldState
 from evaps.robots.frames import Observation
 from evaps.robots.memo import MemoRobot, RememberedView
 from evaps.robots.world import world
@@ -75,9 +75,10 @@ def generate_task(seed: int, index: int, robot: MemoRobot, config: SamplerConfig
                 return draft
 
 
-def unseen_task(seed: int, robot: MemoRobot) -> Task:
+def unseen_task(seed: int, robot: Robot) -> Task:
     """The first task of this seed whose program belongs to the test split: no method has learned from it."""
-    drafts = (generate_task(seed, index, robot) for index in count())
+    memo = MemoRobot(robot, PERCEPTION_KEYS, eager=False)
+    drafts = (generate_task(seed, index, memo) for index in count())
     draft = next(d for d in drafts if split_of(d.program) == "test")
     examples = map(Example, draft.scenes[:EXAMPLES], draft.last[:EXAMPLES])
     return Task(f"random-{seed}", tuple(examples))

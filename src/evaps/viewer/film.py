@@ -175,16 +175,7 @@ def _map(scene: Scene, states: Sequence[WorldState]) -> Picture.Image:
     pen = ImageDraw.Draw(picture)
     pen.rectangle((0, 0, width - 1, height - 1), outline=INK)
     _draw_grid(pen)
-    for end in scene.things:
-        if end.kind == world().border:
-            x, y = _place(end.x - world().grid / 2, end.y - world().grid / 2)
-            pen.rectangle((x, 0, width, height), fill=BEYOND)
-            pen.rectangle((0, 0, width, y), fill=BEYOND)
-    for block in scene.things:
-        if block.kind in world().blocks:
-            half = world().radii[block.kind]
-            corners = _place(block.x - half, block.y + half), _place(block.x + half, block.y - half)
-            pen.rectangle(corners, fill=BLOCK)
+    _draw_fixed(pen, scene)
     way = [_place(state.robot.x, state.robot.y) for state in states]
     if len(way) > 1:
         pen.line(way, fill=ROBOT, width=1)
@@ -210,6 +201,21 @@ def _draw_grid(pen: ImageDraw.ImageDraw) -> None:
     for n in range(1, round((north - south) / world().grid) if world().grid else 0):
         _, y = _place(west, south + n * world().grid)
         pen.line((0, y, WIDTH, y), fill=GRID)
+
+
+def _draw_fixed(pen: ImageDraw.ImageDraw, scene: Scene) -> None:
+    """What lies beyond the scene, and its blocks: they are in no state, since they stay as they are."""
+    width, height = _map_size()
+    for end in scene.things:
+        if end.kind == world().border:
+            x, y = _place(end.x - world().grid / 2, end.y - world().grid / 2)
+            pen.rectangle((x, 0, width, height), fill=BEYOND)
+            pen.rectangle((0, 0, width, y), fill=BEYOND)
+    for block in scene.things:
+        if block.kind in world().blocks:
+            half = world().radii[block.kind]
+            corners = _place(block.x - half, block.y + half), _place(block.x + half, block.y - half)
+            pen.rectangle(corners, fill=BLOCK)
 
 
 def _place(x: float, y: float) -> tuple[float, float]:

@@ -146,14 +146,14 @@ function drawMap(keep) {
     shape("title", {}, group).textContent = thing.kind;
     const number = changes ? alike(now.things, thing) : alike(state.scene.things, thing);
     const name = number > 1 ? number : radius(thing.kind) > 20 ? thing.kind : ""; // it must not cover its neighbours
-    shape("text", { y: 5, "text-anchor": "middle" }, group).textContent = name;
+    label(name, group);
   });
   for (const thing of now?.things ?? []) { // what was not there at the beginning
     if (!thing.alive || alike(moments[0].state.things, thing)) continue;
     const group = shape("g", { class: "put", transform: `translate(${across(thing.x)} ${down(thing.y)})` }, map);
     body(thing.kind, group);
     const number = alike(now.things, thing);
-    shape("text", { y: 5, "text-anchor": "middle" }, group).textContent = number > 1 ? number : "";
+    label(number > 1 ? number : "", group);
   }
   const robot = item(map, state.scene.robot, `The robot, heading ${state.scene.robot.heading} degrees`, false);
   shape("circle", { class: "body robot", r: radius("robot") }, robot);
@@ -182,6 +182,10 @@ function body(kind, group) {
   const square = { x: -r, y: -r, width: 2 * r, height: 2 * r };
   const [name, size] = facts.blocks.includes(kind) ? ["rect", square] : ["circle", { r }];
   shape(name, { class: `body ${kind}`, ...size }, group);
+}
+
+function label(text, group) {
+  shape("text", { y: 5, "text-anchor": "middle" }, group).textContent = text;
 }
 
 const near = (a, b) => Math.hypot(a.x - b.x, a.y - b.y) <= facts.tolerance;
@@ -425,12 +429,12 @@ function remembered() {
 function enable() {
   const full = state.examples.length >= facts.examples;
   const current = state.run !== null && state.run.program === program();
-  $("keep").disabled = full || !current || state.run.halted === false || state.job !== null;
-  $("save").disabled = !full;
   const searching = state.job !== null; // what it searches for has to stay as it is
+  $("keep").disabled = full || !current || state.run.halted === false || searching;
+  $("save").disabled = !full;
   for (const id of ["five", "clear", "tasks", "random-task"]) $(id).disabled = searching;
   for (const remove of document.querySelectorAll("button.remove")) remove.disabled = searching;
-  $("synthesize").disabled = !full || state.job !== null;
+  $("synthesize").disabled = !full || searching;
 }
 
 function picture(source, caption, index) {
