@@ -5,7 +5,6 @@ A process has one domain, so each of these works in processes of its own.
 
 import json
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -154,10 +153,10 @@ def test_karel_comes_with_checkpoints(tmp_path: Path) -> None:
     found = {finding["what"]: finding for finding in map(json.loads, told)}
     assert found["checkpoints"]["well"]
     assert "lgrl" in found["checkpoints"]["found"]
-    done = run("karel", "-m", "evaps", "demo", "--out", tmp_path / "page.html")
-    solved = re.search(r"(\d) of 6 tasks solved", done.stdout)
-    assert solved is not None, done.stderr
-    assert int(solved[1]) >= 4
+    done = run("karel", "-m", "evaps", "demo", "--json", "--out", tmp_path / "page.html")
+    solved = [json.loads(line)["solved"] for line in done.stdout.splitlines()]
+    assert len(solved) == 6, done.stderr
+    assert sum(solved) >= 4
     assert "Show depth" not in (tmp_path / "page.html").read_text()
 
 
@@ -171,10 +170,15 @@ PROGRAMS = {
 def test_a_task_is_made_learned_from_and_solved(shell: Shell, tmp_path: Path) -> None:
     """The same commands as in the Doom domain, at the smoke scale."""
     data, runs, task = (tmp_path / part for part in ("data", "runs", "task"))
-    shell("generate", data, "--tasks", 100, "--seed", 0, "--workers", 0)
+    made = json.loads(shell("generate", data, "--tasks", 100, "--seed", 0, "--workers", 0, "--json"))
+    assert made == {"data": str(data), "tasks": 100, "indices": made["indices"], "shard": "1/1"}
+    assert made["indices"] >= 100
     assert "0 of them differ" in shell("data", "info", data, "--check", 5)
     for method in ("encoder", "inverse", "lgrl", "evaps"):
-        shell("train", method, "--data", data, "--out", runs, "--scale", "smoke", "--workers", 0)
+        words = ("train", method, "--data", data, "--out", runs, "--scale", "smoke", "--workers", 0, "--json")
+        trained = json.loads(shell(*words))
+        assert (trained["checkpoint"], trained["method"]) == (str(runs / method), method)
+        assert trained["metrics"]
     rows, source, scenes = (tmp_path / file for file in ("rows.parquet", "program.py", "scenes.json"))
     judged = ("--data", data, "--model", runs, "--out", rows, "--tasks", 2, "--workers", 0)
     assert shell("evaluate", *judged, "--methods", "lgrl", "evaps").count("\n|") == 3
@@ -184,12 +188,15 @@ def test_a_task_is_made_learned_from_and_solved(shell: Shell, tmp_path: Path) ->
     ]
     assert [(row["method"], row["tasks"]) for row in again] == [("lgrl", 2), ("evaps", 2)]
     assert all(0 <= row["generalization@1"] <= row["generalization@20"] <= 1 for row in again)
-    shell("report", "table-1", "--rows", rows, "--out", tmp_path / "report")
+    reported = json.loads(shell("report", "table-1", "--rows", rows, "--out", tmp_path / "report", "--json"))
+    assert [Path(file).name for file in reported["files"]] == ["table-1.md", "table-1.tex", "table-1.csv"]
+    assert all(Path(file).is_file() for file in reported["files"])
 
     five = [read_table(data / "tasks.parquet")["scenes"][i].as_py()[0] for i in range(5)]
     scenes.write_text(json.dumps(five))
     source.write_text(PROGRAMS[shell.domain])
-    shell("make-task", "--program", source, "--scenes", scenes, "--out", task)
+    written = json.loads(shell("make-task", "--program", source, "--scenes", scenes, "--out", task, "--json"))
+    assert written == {"task": str(task)}
     page, film, scene = (tmp_path / file for file in ("page.html", "film.png", "scene.json"))
     search = ("--model", runs, "--seconds", 60, "--json", "--report", page)
     assert json.loads(shell("synthesize", task, *search))["solved"]

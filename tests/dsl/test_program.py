@@ -118,8 +118,8 @@ STATEMENT = ("an action", '"IF"', '"IFELSE"', '"WHILE"', '"REPEAT"')
 PYTHON_STATEMENT = ("an action", '"if"', '"while"', '"for"')
 END = "the end of the text"
 BAD = [
-    ("", 1, 1, END, ('"DEF"',)),
-    (" \n # nothing\n", 2, 11, END, ('"DEF"',)),
+    ("", 1, 1, END, ('"DEF"', '"def"')),
+    (" \n # nothing\n", 2, 11, END, ('"DEF"', '"def"')),
     ("DEF run m( JUMP m)", 1, 12, '"JUMP"', STATEMENT),
     ("DEF run m( attack m)", 1, 12, '"attack"', STATEMENT),
     ("DEF run m( ATTACKATTACK m)", 1, 12, '"ATTACKATTACK"', STATEMENT),
@@ -135,7 +135,7 @@ BAD = [
     ("DEF run m( IF c( ATTACK c) i( ATTACK i) m)", 1, 18, '"ATTACK"', ("a perception", '"not"')),
     ("DEF run m( IF c( ISTHERE c) i( ATTACK i) m)", 1, 26, '"c)"', ('"Demon", "HellKnight" or "Revenant"',)),
     ("DEF run m( IFELSE c( ISTHERE Demon c) i( ATTACK i) m)", 1, 52, '"m)"', ('"ELSE"',)),
-    ("WHILE c( ISTHERE Demon c) w( ATTACK w)", 1, 1, '"WHILE"', ('"DEF"',)),
+    ("WHILE c( ISTHERE Demon c) w( ATTACK w)", 1, 1, '"WHILE"', ('"DEF"', '"def"')),
     ("def run():", 1, 11, END, ("an indented block",)),
     ("def run():\n", 1, 11, END, ("an indented block",)),
     ("def run():\nattack()\n", 2, 1, '"attack"', ("an indented block",)),

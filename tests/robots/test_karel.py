@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from evaps.domain import KAREL
 from evaps.robots.base import Pose, Scene, SceneError, Thing
 from evaps.robots.frames import digest
-from evaps.robots.karel import CELL, PALETTE, KarelRobot, random_scene, validate
+from evaps.robots.karel import PALETTE, KarelRobot, random_scene, validate
+
+CELL = 4  # pixels of a cell where the whole grid is seen
 
 CORNER = Thing("Corner", 9, 9)  # eight by eight cells
 
@@ -74,9 +76,9 @@ def test_what_he_cannot_do_is_no_action() -> None:
         karel(4, 4, 0).perceive("ISTHERE Demon")
 
 
-def cell(robot: KarelRobot, column: int, row: int) -> set[tuple[int, ...]]:
+def cell(robot: KarelRobot, column: int, row: int, size: int = CELL) -> set[tuple[int, ...]]:
     """The colours in a cell of the view, counted from its lower left corner."""
-    rgb = robot.observe().rgb[::-1][row * CELL : (row + 1) * CELL, column * CELL : (column + 1) * CELL]
+    rgb = robot.observe().rgb[::-1][row * size : (row + 1) * size, column * size : (column + 1) * size]
     return {tuple(map(int, colour)) for colour in rgb.reshape(-1, 3)}
 
 
@@ -99,8 +101,9 @@ def test_a_window_shows_what_lies_ahead_from_behind(heading: int) -> None:
     dx, dy = {0: (1, 0), 90: (0, 1), 180: (-1, 0), 270: (0, -1)}[heading]
     ahead, left = (4 + 2 * dx, 4 + 2 * dy), (4 - dy, 4 + dx)
     robot = karel(4, 4, heading, Thing("Wall", *ahead), Thing("Marker", *left), window=True)
-    assert cell(robot, 8, 2) == {colour(3)}
-    assert cell(robot, 7, 0) == {colour(5)}
+    assert cell(robot, 2, 2, 14) == {colour(3)}
+    assert cell(robot, 1, 0, 14) == {colour(5)}
+    assert cell(robot, 2, 0, 14) == {colour(2), colour(4)}, "he himself, and his cell"
     behind = karel(4, 4, heading, Thing("Wall", 4 - dx, 4 - dy), window=True)
     assert digest(behind.observe()) == digest(karel(4, 4, heading, window=True).observe())
 

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 
 import pytest
+from engine_processes import find_engines
 from playwright.sync_api import Page, expect, sync_playwright
 
 from .conftest import TASKS
@@ -90,6 +91,53 @@ def test_a_click_on_a_thing_changes_nothing(page: Page) -> None:
     page.get_by_role("button", name="Start anew").click()
 
 
+def test_tab_stops_once_on_the_map(page: Page) -> None:
+    """However many things there are: N and P go from one to the next."""
+    for kind in ("Demon", "Revenant"):
+        page.get_by_role("button", name=f"+ {kind}").click()
+    things = page.locator("#map .thing")
+    number = things.count()
+    assert number == 3
+    robot = page.locator("[aria-label^='The robot']")
+    robot.focus()
+    for key, index in (("n", 0), ("n", 1), ("p", 0), ("p", number - 1)):
+        page.keyboard.press(key)
+        expect(things.nth(index)).to_be_focused()
+        expect(page.locator("#map [tabindex='0']")).to_have_count(1)
+    page.keyboard.press("Tab")
+    assert page.evaluate("() => document.activeElement.closest('#map')") is None
+    page.keyboard.press("Shift+Tab")
+    expect(robot).to_be_focused()
+    for kind in ("Demon", "Revenant"):
+        page.locator(f"[aria-label^='{kind}']").press("Delete")
+
+
+def test_a_finger_drags_things(address: str, pages: Page) -> None:
+    """As on a phone, without a mouse."""
+    phone = pages.context.browser
+    assert phone is not None
+    page = phone.new_page(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    page.goto(address)
+    demon = page.locator("[aria-label^='Demon 1']")
+    expect(page.locator("#time-text")).to_have_text("0 of 0")
+    where = str(demon.get_attribute("aria-label"))
+    demon.scroll_into_view_if_needed()
+    box = demon.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    finger = page.context.new_cdp_session(page)
+    for kind, to in (("touchStart", 0), ("touchMove", -20), ("touchMove", -40), ("touchEnd", None)):
+        points = [] if to is None else [{"x": x, "y": y + to}]
+        finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    expect(demon).not_to_have_attribute("aria-label", where)
+    moved = demon.bounding_box()
+    assert moved is not None
+    assert moved["y"] - box["y"] == pytest.approx(-40, abs=2), "to where the finger left it"
+    page.get_by_role("button", name="turn left", exact=True).tap()
+    expect(page.locator("#time-text")).to_have_text("1 of 1")
+    page.close()
+
+
 def test_a_task_that_is_drawn_with_the_mouse_is_solved(page: Page) -> None:
     """Five scenes, the demon somewhere else in each, and the robot is driven by hand."""
     page.get_by_role("button", name="+ Demon").click()
@@ -138,6 +186,39 @@ def test_five_examples_become_a_program(page: Page) -> None:
     assert page.locator("#log li").count() > 1
     page.get_by_role("button", name="Put it into the editor").click()
     expect(page.locator("#code")).to_have_value(page.locator("#found").inner_text())
+
+
+def test_a_search_is_stopped(page: Page) -> None:
+    """Five views that are no program's ends: it does not end by itself."""
+    page.get_by_role("tab", name="Drive").click()
+    page.get_by_role("button", name="Start anew").click()
+    for number in range(5):
+        page.get_by_role("button", name="Random scene").click()
+        expect(page.locator("#world.stale")).to_have_count(0)
+        for _ in range(12 + number):
+            page.get_by_role("button", name="turn left", exact=True).click()
+        expect(page.locator("#time-text")).to_have_text(f"{12 + number} of {12 + number}")
+        page.get_by_role("button", name="Keep this as an example").click()
+        expect(page.locator("#examples li.filled")).to_have_count(number + 1)
+    page.get_by_label("for at most").fill("300")
+    page.get_by_label("simulated actions").fill("100000")
+    page.get_by_role("button", name="Synthesize").click()
+    expect(page.locator("#log li").first).to_be_visible(timeout=6 * SECONDS)
+    page.get_by_role("button", name="Stop").click()
+    expect(page.locator("#verdict")).to_contain_text("Stopped; the best so far", timeout=6 * SECONDS)
+    expect(page.get_by_role("button", name="Synthesize")).to_be_enabled()
+    page.get_by_label("for at most").fill("60")
+    page.get_by_role("button", name="Start anew").click()
+
+
+def test_an_engine_that_was_replaced_is_told(page: Page) -> None:
+    page.get_by_role("tab", name="Drive").click()
+    page.get_by_role("button", name="Start again").click()
+    for engine in find_engines(os.getpid()):
+        os.kill(engine, signal.SIGKILL)
+    page.get_by_role("button", name="turn left", exact=True).click()
+    expect(page.locator("#message")).to_contain_text("a new one has taken its place")
+    expect(page.locator("#time-text")).to_have_text("1 of 1")
 
 
 def test_a_task_is_loaded_and_saved(page: Page) -> None:

@@ -42,8 +42,10 @@ def test_every_moment_is_in_the_film(robot: MemoRobot, tmp_path: Path, name: str
             film.seek(len(moments) - 1)
             first = film.convert("RGB")
         else:
-            height = film.height // len(moments)
-            first = film.convert("RGB").crop((0, 0, film.width, height))
+            width, height = draw(trace, SCENE, moments, 0).size
+            assert film.width * film.height >= width * height * len(moments)
+            assert film.width < 2 * film.height < 4 * film.width
+            first = film.convert("RGB").crop((0, 0, width, height))
     shown = np.asarray(first)
     assert (shown == MARK).all(-1).any(), "a line is marked"
     if name.endswith("png"):

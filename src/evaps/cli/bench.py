@@ -27,6 +27,8 @@ class Bench(Command):
     """Programs that a method learns from at a time."""
     out: MaybeFile = None
     """Write the figures as JSON lines, with the machine and the commit."""
+    json: bool = False
+    """Print these lines instead of the table."""
 
     def run(self) -> None:
         """Measure, and print a table."""
@@ -54,6 +56,10 @@ class Bench(Command):
                 CONSOLE.print(f"{figure.name}: {figure.value:.4g} {figure.unit}", highlight=False)
             table.add_row(figure.name, f"{figure.value:.4g}", figure.unit, figure.target)
             rows.append({**asdict(figure), "machine": machine(), "commit": code_version()})
-        console.print(table)
+        lines = "".join(json.dumps(row) + "\n" for row in rows)
+        if self.json:
+            print(lines, end="")
+        else:
+            console.print(table)
         if self.out is not None:
-            write_atomically(self.out, "".join(json.dumps(row) + "\n" for row in rows).encode())
+            write_atomically(self.out, lines.encode())

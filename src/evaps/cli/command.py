@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import traceback
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from evaps.dsl import UserError
 from evaps.robots.base import EngineError
@@ -34,6 +36,11 @@ class Command(ABC):
         Raises:
             UserError: the input is wrong.
         """
+
+
+def print_result(text: str, facts: Mapping[str, Any], as_json: bool) -> None:
+    """Say what was done: in a line for people, or as one JSON object (paths as text) for scripts."""
+    print(json.dumps(facts, default=str) if as_json else text)
 
 
 def exit_status(command: Command, debug: bool = False) -> int:

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from tyro.conf import Positional, arg
 
-from evaps.cli.command import Command
+from evaps.cli.command import Command, print_result
 from evaps.cli.inputs import Folder, check_least, writing
 from evaps.cli.workers import Engine, available_cores, workers_from
 from evaps.dsl import UserError
@@ -39,6 +39,8 @@ class Generate(Command):
     into one folder and generate once more without this: that makes what is missing and joins them."""
     no_frames: bool = False
     """Leave out the first and last observations; `evaps render` makes them later."""
+    json: bool = False
+    """Print one JSON object."""
 
     def run(self) -> None:
         """Generate, with progress on standard error."""
@@ -51,10 +53,12 @@ class Generate(Command):
             self.out.mkdir(parents=True, exist_ok=True)
             frames = not self.no_frames
             indices = generate(self.out, self.tasks, self.seed, workers, shard=shard, frames=frames)
+        facts = {"data": self.out, "tasks": self.tasks, "indices": indices, "shard": self.shard}
         if shard[1] > 1:
-            print(f"{self.out}: share {self.shard}, {indices} tasks")
+            print_result(f"{self.out}: share {self.shard}, {indices} tasks", facts, self.json)
         else:
-            print(f"{self.out}: {self.tasks} tasks with distinct programs, out of {indices}")
+            said = f"{self.out}: {self.tasks} tasks with distinct programs, out of {indices}"
+            print_result(said, facts, self.json)
 
 
 def read_shard(text: str) -> tuple[int, int]:
@@ -88,6 +92,8 @@ class Render(Command):
     """Of a running Ray cluster; else RAY_ADDRESS, else one is started on this machine."""
     traces: bool = False
     """All observations of the runs, with the perceptions that are true in them; 200 KB a task."""
+    json: bool = False
+    """Print one JSON object."""
 
     def run(self) -> None:
         """Render, with progress on standard error."""
@@ -96,4 +102,5 @@ class Render(Command):
 
         with writing(self.data):
             tasks = render(self.data, workers, self.traces)
-        print(f"{self.data}: {tasks} tasks with {'traces' if self.traces else 'frames'}")
+        said = f"{self.data}: {tasks} tasks with {'traces' if self.traces else 'frames'}"
+        print_result(said, {"data": self.data, "tasks": tasks, "traces": self.traces}, self.json)

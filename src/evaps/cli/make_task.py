@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from evaps.cli.command import Command
+from evaps.cli.command import Command, print_result
 from evaps.cli.inputs import File, Folder, ProgramFile, read_program, read_scenes, writing
 from evaps.dsl import Limits, Program, UserError
 
@@ -27,6 +27,8 @@ class MakeTask(Command):
     """JSON file with a list of exactly five scenes, each as `evaps run` takes it."""
     out: Folder
     """The folder to write; it must not exist."""
+    json: bool = False
+    """Print one JSON object."""
 
     def run(self) -> None:
         """Run the program from each scene and write the folder."""
@@ -41,7 +43,7 @@ class MakeTask(Command):
             robot.close()
         with writing(self.out):
             save_task(Task(self.out.name, examples), self.out)
-        print(f"wrote {self.out}")
+        print_result(f"wrote {self.out}", {"task": self.out}, self.json)
 
 
 def _example(program: Program, scene: Scene, index: int, robot: Robot) -> Example:

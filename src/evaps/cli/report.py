@@ -8,7 +8,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from evaps.cli.command import Command
+from evaps.cli.command import Command, print_result
 from evaps.cli.inputs import writing
 
 
@@ -26,11 +26,13 @@ class Report(Command):
     """A Parquet file of rows, or a folder of such files."""
     out: Annotated[Path, arg(metavar="DIR")] = Path("report")
     """Folder for what is made."""
+    json: bool = False
+    """Print one JSON object."""
 
     def run(self) -> None:
         """Make it, and print the names of the files."""
         from evaps.report import report
 
         with writing(self.out):
-            for path in report(self.name, self.rows, self.out):
-                print(path)
+            made = [str(path) for path in report(self.name, self.rows, self.out)]
+        print_result("\n".join(made), {"files": made}, self.json)

@@ -35,7 +35,7 @@ class Run(Command):
     json: bool = False
     """Print one JSON object instead of a summary; it also has SHA-256 sums of the first and last views."""
     film: MaybeFile = None
-    """Write what happened as pictures: a .gif that plays, or a .png in which they stand below one another."""
+    """Write what happened as pictures: a .gif that plays, or a .png in which they stand in rows."""
 
     def run(self) -> None:
         """Run the program from the scene."""

@@ -97,6 +97,8 @@ class Demo(Command):
 
     out: File = Path("out/demo.html")
     """The page."""
+    json: bool = False
+    """Print one JSON object a task, a line each."""
 
     def run(self) -> None:
         """Solve the shipped tasks."""
@@ -110,14 +112,16 @@ class Demo(Command):
         tasks = [load_task(folder) for folder in folders] or random_tasks(RANDOM_TASKS)
         reports = []
         for report in solve_all(tasks, load_model()):
-            show(report, False)
+            show(report, self.json)
             reports.append(report)
         solved = sum(report.solution.solved for report in reports)
         robot = "engine" if CHOSEN is DOOM else "robot"
-        print(
+        said = (
             f"{solved} of {len(reports)} tasks solved: all five goals reached on the {robot}, byte for byte"
         )
-        save_page(self.out, reports, quiet=False)
+        if not self.json:
+            print(said)
+        save_page(self.out, reports, quiet=self.json)
 
 
 def shipped_tasks() -> list[Path]:

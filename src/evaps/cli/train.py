@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from tyro.conf import Positional, arg
 
-from evaps.cli.command import Command
+from evaps.cli.command import Command, print_result
 from evaps.cli.inputs import Folder, check_least, writing
 from evaps.cli.workers import available_cores, workers_from
 
@@ -39,13 +39,18 @@ class Train(Command):
     """Processes that simulate; by default one a core."""
     tensorboard: bool = False
     """Write the metrics for TensorBoard too (pip install 'evaps[track]'); metrics.jsonl has them always."""
+    json: bool = False
+    """Print one JSON object, with how good the checkpoint is on validation tasks."""
 
     def run(self) -> None:
         """Train, with progress on standard error."""
         check_least(seed=(self.seed, 0))
         workers = workers_from(self.workers)
+        from evaps.models.checkpoint import read_config
         from evaps.train import train
 
         with writing(self.out):
             folder = train(self.method, self.data, self.out, self.scale, self.seed, workers, self.tensorboard)
-        print(f"{folder}: the checkpoint of {self.method}")
+        metrics = read_config(folder, self.method)["facts"].get("metrics", {})
+        facts = {"checkpoint": folder, "method": self.method, "metrics": metrics}
+        print_result(f"{folder}: the checkpoint of {self.method}", facts, self.json)

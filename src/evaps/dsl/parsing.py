@@ -21,6 +21,7 @@ _KINDS = {
     "_DEDENT": "the end of the block",
     "$END": "the end of the program",
 }
+_BEGINNINGS = ('"DEF"', '"def"')  # of the two forms
 _LAYOUT = {"_NL": "the end of the line", "_INDENT": "an indentation", "_DEDENT": "the end of the block"}
 
 
@@ -125,6 +126,8 @@ def _quoted(word: str) -> str:
 
 def _expected(form: Form, stack: tuple[int, ...]) -> tuple[str, ...]:
     """In human words, the kinds of token that may follow."""
+    if form is TOKEN_FORM and stack == form.table.start:  # nothing there says which form is meant
+        return _BEGINNINGS
     names = (*form.words, "$END")
     described = (_described(form, name) for name in names if form.table.step(stack, name))
     return tuple(sorted(described, key=lambda words: words.startswith('"')))  # kinds first

@@ -15,8 +15,7 @@ from evaps.robots.world import World
 
 SMALLEST, LARGEST = 8, 18  # cells on a side
 MOST_MARKERS = 9  # in a cell
-CELL = 4  # pixels
-SIDE = LARGEST * CELL
+SIDE = 4 * LARGEST  # pixels
 WINDOW = 5  # cells ahead, and as many across
 WALLS, MARKED = 0.1, 0.12  # shares of the cells of a random scene
 STEPS = {0: (1, 0), 90: (0, 1), 180: (-1, 0), 270: (0, -1)}
@@ -57,8 +56,8 @@ class KarelRobot(Robot):
     ``frontIsClear``, ``leftIsClear``, ``rightIsClear``, ``markersPresent``, ``noMarkersPresent``.
 
     ## Observations
-    RGB, uint8 ``[72, 72, 3]``, four pixels a cell: of the whole grid, with north up; or of the 5 x 5 cells
-    ahead, seen from behind the robot. Depth says nothing: it is 255 everywhere.
+    RGB, uint8 ``[72, 72, 3]``: the whole grid, with north up, four pixels a cell; or the 5 x 5 cells ahead,
+    seen from behind the robot, 14 pixels a cell. Depth says nothing: it is 255 everywhere.
 
     ## Units
     Places in cells, headings in degrees: 0 (east), 90, 180 or 270. ``ammo`` and ``health`` are 0.
@@ -137,21 +136,24 @@ class KarelRobot(Robot):
 
     def observe(self) -> PaletteFrame:
         """The grid, or what lies ahead."""
-        colours = np.full((LARGEST, LARGEST), NOTHING, np.uint8)
-        robot = (self._at[0] - 1, self._at[1] - 1, self._heading)
         if self._window:
-            robot = ((LARGEST - 1) // 2, 0, 90)
-            ahead, right = STEPS[self._heading], STEPS[(self._heading - 90) % 360]
-            for far in range(WINDOW):
-                for across in range(-(WINDOW // 2), WINDOW // 2 + 1):
-                    x = self._at[0] + far * ahead[0] + across * right[0]
-                    y = self._at[1] + far * ahead[1] + across * right[1]
-                    colours[far, robot[0] + across] = self._colour((x, y))
-        else:
-            for x in range(1, self._end[0]):
-                for y in range(1, self._end[1]):
-                    colours[y - 1, x - 1] = self._colour((x, y))
-        return PaletteFrame(_drawn(colours, *robot), DEPTH, PALETTE)
+            return _drawn(self._colours_ahead(), WINDOW // 2, 0, 90)
+        colours = np.full((LARGEST, LARGEST), NOTHING, np.uint8)
+        for x in range(1, self._end[0]):
+            for y in range(1, self._end[1]):
+                colours[y - 1, x - 1] = self._colour((x, y))
+        return _drawn(colours, self._at[0] - 1, self._at[1] - 1, self._heading)
+
+    def _colours_ahead(self) -> Image:
+        """Of the cells in the window: the robot's row first, each from left to right."""
+        colours = np.empty((WINDOW, WINDOW), np.uint8)
+        ahead, right = STEPS[self._heading], STEPS[(self._heading - 90) % 360]
+        for far, column in np.ndindex(WINDOW, WINDOW):
+            across = column - WINDOW // 2
+            x = self._at[0] + far * ahead[0] + across * right[0]
+            y = self._at[1] + far * ahead[1] + across * right[1]
+            colours[far, column] = self._colour((x, y))
+        return colours
 
     def _colour(self, cell: Cell) -> int:
         if not self._is_inside(cell):
@@ -179,15 +181,18 @@ DEPTH = np.full((SIDE, SIDE), 255, np.uint8)
 DEPTH.flags.writeable = False
 
 
-def _drawn(colours: Image, x: int, y: int, heading: int) -> Image:
-    """Cells as pixels, north up, and the robot as the half of its cell that it looks to."""
-    pixels = colours.repeat(CELL, 0).repeat(CELL, 1)
+def _drawn(colours: Image, x: int, y: int, heading: int) -> PaletteFrame:
+    """Cells, as large as there is room for, north up; the robot is the half of its cell that it looks to."""
+    cell = SIDE // len(colours)
+    pixels = np.full((SIDE, SIDE), NOTHING, np.uint8)
+    seen = colours.repeat(cell, 0).repeat(cell, 1)
+    pixels[: len(seen), : len(seen)] = seen
     dx, dy = STEPS[heading]
-    half = CELL // 2
-    left, low = x * CELL + half * (dx > 0), y * CELL + half * (dy > 0)
-    wide, high = (half if dx else CELL), (half if dy else CELL)
+    half = cell // 2
+    left, low = x * cell + half * (dx > 0), y * cell + half * (dy > 0)
+    wide, high = (half if dx else cell), (half if dy else cell)
     pixels[low : low + high, left : left + wide] = ROBOT
-    return np.ascontiguousarray(pixels[::-1])
+    return PaletteFrame(np.ascontiguousarray(pixels[::-1]), DEPTH, PALETTE)
 
 
 def validate(scene: Scene) -> None:
@@ -268,4 +273,4 @@ def _world(version: str, window: bool) -> World:
 
 
 WORLD = _world("karel-v0", window=False)
-WINDOW_WORLD = _world("karel-window-v0", window=True)
+WINDOW_WORLD = _world("karel-window-v1", window=True)

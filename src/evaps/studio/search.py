@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
@@ -22,6 +23,7 @@ from evaps.viewer.page import render_page
 PAGES_KEPT = 5
 PATIENCE = 5.0  # seconds for a search that was asked to end
 HEARTBEAT = 0.5  # seconds between two signs of life
+DEAF = 10.0  # seconds without anybody asking for a line, after which nobody does any longer
 
 
 @dataclass
@@ -32,11 +34,17 @@ class Job:
         id: what it is called.
         lines: what is to be sent, JSON values; None is the end.
         stopped: set it, and the search comes back with the best that it has.
+        heard: when somebody last asked for a line, in seconds of the monotonic clock.
     """
 
     id: str = field(default_factory=lambda: uuid4().hex)
     lines: SimpleQueue[dict[str, Any] | None] = field(default_factory=SimpleQueue)
     stopped: Event = field(default_factory=Event)
+    heard: float = field(default_factory=time.monotonic)
+
+    def wanted(self) -> bool:
+        """Whether somebody still waits for it; who left before the first line is noticed by this alone."""
+        return not self.stopped.is_set() and time.monotonic() - self.heard < DEAF
 
 
 class Searches:
@@ -100,7 +108,7 @@ class Searches:
         if not self._robots:
             self._robots = team_of_robots()
         memo = memo_of(self._robots)
-        watch = Watch(lambda news: job.lines.put(news_json(news)), job.stopped.is_set)
+        watch = Watch(lambda news: job.lines.put(news_json(news)), lambda: not job.wanted())
         try:
             solution = solve(model, task, memo, budget=budget, watch=watch)
             self.pages[job.id] = render_page([TaskReport(task, solution)])  # while the views are there
@@ -114,6 +122,7 @@ class Searches:
 def lines_of(job: Job) -> Iterator[dict[str, Any]]:
     """What a search says, until it ends; an empty object now and then, if it says nothing for long."""
     while True:
+        job.heard = time.monotonic()
         try:
             line = job.lines.get(timeout=HEARTBEAT)
         except Empty:

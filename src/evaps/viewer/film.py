@@ -86,7 +86,7 @@ def record(program: Program, scene: Scene, robot: Robot) -> tuple[Trace[Observat
 
 
 def save_film(path: Path, trace: Trace[Observation], scene: Scene, moments: Sequence[Moment]) -> None:
-    """Write a GIF that plays, or a PNG in which the moments stand below one another.
+    """Write a GIF that plays, or a PNG in which the moments stand in rows.
 
     Raises:
         UserError: the name ends in neither ``.gif`` nor ``.png``.
@@ -123,10 +123,13 @@ def _map_size() -> tuple[int, int]:
 
 
 def _strip(pictures: Sequence[Picture.Image]) -> Picture.Image:
+    """All of them, row after row, so that the whole is about as wide as high."""
     width, height = pictures[0].size
-    strip = Picture.new("RGB", (width, height * len(pictures)), PAPER)
-    for row, picture in enumerate(pictures):
-        strip.paste(picture, (0, row * height))
+    columns = max(1, round(math.sqrt(len(pictures) * height / width)))
+    strip = Picture.new("RGB", (width * columns, height * -(-len(pictures) // columns)), PAPER)
+    for number, picture in enumerate(pictures):
+        row, column = divmod(number, columns)
+        strip.paste(picture, (column * width, row * height))
     return strip
 
 

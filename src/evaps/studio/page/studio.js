@@ -10,6 +10,7 @@ let keys = {};  // of the keyboard, and the actions that they are for
 let words = {}; // of the actions, for people
 const state = {
   scene: null,
+  picked: Infinity, // which thing of the map Tab leads to; the robot is the last of them
   driven: [],      // actions, if the robot is driven by hand
   byHand: true,
   run: null,       // what /api/run said of the current scene
@@ -64,8 +65,10 @@ const asPython = (actions) => "def run():\n" + actions.map((a) => `    ${facts.c
 const program = () => (state.byHand ? (state.driven.length ? asPython(state.driven) : null) : $("code").value);
 
 let asked = 0;
+let waiting; // for a scene that is still being changed
 /** Run a program on the scene, or only look at it; only the answer to the newest question counts. */
 async function refresh(atEnd = true, what = program()) {
+  clearTimeout(waiting);
   const question = ++asked;
   const found = await askJson("api/run", { scene: state.scene, program: what });
   if (question !== asked) return;
@@ -83,7 +86,6 @@ async function tellReplaced() {
   tellReplaced.before = health.engines_replaced;
 }
 
-let waiting;
 function refreshSoon() {
   clearTimeout(waiting);
   waiting = setTimeout(safely(() => refresh(true, null)), 120);
@@ -119,6 +121,7 @@ const span = ([low, high]) => high - low;
 const scale = () => WIDE / span(facts.arena.x);
 const across = (x) => (x - facts.arena.x[0]) * scale();
 const down = (y) => (facts.arena.y[1] - y) * scale();
+const shift = (place) => `translate(${across(place.x)} ${down(place.y)})`;
 const radius = (kind) => (facts.radii[kind] ?? facts.radii.robot) * scale(); // in the picture
 const step = () => Math.max(1, Math.round(span(facts.arena.x) / 80)); // a key press, in units of the world
 
@@ -150,7 +153,7 @@ function drawMap(keep) {
   });
   for (const thing of now?.things ?? []) { // what was not there at the beginning
     if (!thing.alive || alike(moments[0].state.things, thing)) continue;
-    const group = shape("g", { class: "put", transform: `translate(${across(thing.x)} ${down(thing.y)})` }, map);
+    const group = shape("g", { class: "put", transform: shift(thing) }, map);
     body(thing.kind, group);
     const number = alike(now.things, thing);
     label(number > 1 ? number : "", group);
@@ -160,7 +163,18 @@ function drawMap(keep) {
   shape("circle", { class: "hit", r: Math.max(24, radius("robot")) }, robot);
   const angle = (state.scene.robot.heading * Math.PI) / 180;
   shape("line", { x2: (radius("robot") + 24) * Math.cos(angle), y2: -(radius("robot") + 24) * Math.sin(angle), stroke: "var(--accent)", "stroke-width": 6 }, robot);
+  oneTabStop([...map.querySelectorAll(".thing")]);
   if (keep !== undefined) map.querySelectorAll(".thing")[keep]?.focus();
+}
+
+/** Tab leads to one thing of the map, which may hold a hundred: the one that was last worked on, else the robot. */
+function oneTabStop(things) {
+  const pick = (index) => {
+    state.picked = index;
+    things.forEach((thing, other) => thing.setAttribute("tabindex", other === index ? 0 : -1));
+  };
+  things.forEach((thing, index) => thing.addEventListener("focus", () => pick(index)));
+  pick(Math.min(state.picked, things.length - 1));
 }
 
 /** Cells, if there are any, and what lies beyond the thing that ends the scene. */
@@ -198,9 +212,10 @@ function marker(map, x, y, heading, name) {
 
 /** Something on the map that can be dragged, and moved with keys. */
 function item(map, place, label, gone) {
-  const group = shape("g", { class: `thing${gone ? " dead" : ""}`, tabindex: 0, role: "button", "aria-label": `${label}, x ${place.x}, y ${place.y}`,
-    transform: `translate(${across(place.x)} ${down(place.y)})` }, map);
+  const group = shape("g", { class: `thing${gone ? " dead" : ""}`, role: "button", "aria-label": `${label}, x ${place.x}, y ${place.y}`,
+    transform: shift(place) }, map);
   group.addEventListener("pointerdown", (event) => drag(event, place));
+  group.addEventListener("touchstart", (event) => event.preventDefault()); // a finger on it does not scroll the page
   group.addEventListener("keydown", (event) => onKey(event, place));
   return group;
 }
@@ -217,13 +232,13 @@ function move(place, x, y) {
 function drag(event, place) {
   if (event.button !== 0) return;
   event.preventDefault();
-  event.currentTarget.focus();
-  const map = $("map");
+  const [map, group] = [$("map"), event.currentTarget];
+  group.focus();
   const before = [place.x, place.y];
   const to = (e) => {
     const point = new DOMPoint(e.clientX, e.clientY).matrixTransform(map.getScreenCTM().inverse());
     move(place, point.x / scale() + facts.arena.x[0], facts.arena.y[1] - point.y / scale());
-    drawMap();
+    group.setAttribute("transform", shift(place)); // a finger hears no more of what is drawn anew under it
   };
   const over = new AbortController();
   const end = () => {
@@ -241,7 +256,12 @@ function onKey(event, place) {
   const index = isRobot(place) ? state.scene.things.length : state.scene.things.indexOf(place);
   const stays = isRobot(place) || place.kind === facts.border;
   if (event.key in moves) move(place, place.x + moves[event.key][0], place.y + moves[event.key][1]);
-  else if (isRobot(place) && (event.key === "[" || event.key === "]"))
+  else if (event.key === "n" || event.key === "p") {
+    const things = [...$("map").querySelectorAll(".thing")];
+    event.preventDefault();
+    things.at((index + (event.key === "n" ? 1 : -1)) % things.length).focus();
+    return;
+  } else if (isRobot(place) && (event.key === "[" || event.key === "]"))
     place.heading = (place.heading + (event.key === "[" ? turn : 360 - turn)) % 360;
   else if (!stays && (event.key === "Delete" || event.key === "Backspace")) state.scene.things.splice(index, 1);
   else return;
