@@ -58,6 +58,16 @@ def test_every_program_in_a_page_is_one(page: Path) -> None:
             assert Program.parse(code)
 
 
+def test_the_shell_completes_as_the_page_says(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "cli.md").read_text()
+    (block,) = re.findall(r"```bash\n(.*?)```", page, re.DOTALL)
+    home = {**os.environ, "HOME": str(tmp_path), "PATH": f"{EVAPS.parent}:{os.environ['PATH']}"}
+    asked = f"{block}\nsource ~/.local/share/bash-completion/completions/evaps; complete -p evaps"
+    done = subprocess.run(["bash", "-ec", asked], capture_output=True, text=True, env=home)
+    assert done.returncode == 0, done.stderr
+    assert "evaps" in done.stdout
+
+
 @pytest.mark.slow
 def test_the_first_page_can_be_followed(tmp_path: Path) -> None:
     page = (ROOT / "docs" / "index.md").read_text()
