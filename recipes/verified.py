@@ -21,7 +21,15 @@ METHODS = RESULTS / "methods"
 ROWS = RESULTS / "verified.parquet"
 PARTS = RESULTS / "verified-parts.parquet"
 PART_TASKS = 40
-WITHOUT = ("verified", "verified-no-guide", "verified-no-sharing", "verified-no-beam", "enumeration", "blind")
+WITHOUT = (
+    "verified",
+    "verified-no-guide",
+    "verified-no-sharing",
+    "verified-no-beam",
+    "verified-with-repairs",
+    "enumeration",
+    "blind",
+)
 
 
 def make_rows() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,16 +108,43 @@ def test_twice_the_same(memo: MemoRobot, model: Model) -> None:
     assert same(*solutions)
 
 
-def test_a_task_that_cannot_be_solved_is_said_to_be_unsolved(memo: MemoRobot, model: Model) -> None:
-    """The goals of one program, mixed up."""
+def mixed_up(memo: MemoRobot) -> Task:
+    """The goals of one program, each in the scene of another: nothing solves it."""
     task = task_of("MOVE_FORWARD MOVE_FORWARD ATTACK", memo, seed=4)
     goals = [example.goal for example in task.examples]
     examples = [Example(e.scene, goal) for e, goal in zip(task.examples, goals[1:] + goals[:1], strict=True)]
-    solution = solve(model, replace(task, examples=tuple(examples)), memo, budget=Budget(actions=150))
+    return replace(task, examples=tuple(examples))
+
+
+def test_a_task_that_cannot_be_solved_is_said_to_be_unsolved(memo: MemoRobot, model: Model) -> None:
+    solution = solve(model, mixed_up(memo), memo, budget=Budget(actions=150))
     assert not solution.solved
     assert solution.confidence == 0.0
     assert solution.candidates
     assert solution.simulated_actions < 1_500, "it ends soon after the budget is spent"
+
+
+def test_repairs_are_tried_where_nothing_is_found_for_long(
+    memo: MemoRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = load_model(method="verified-with-repairs")
+    assert model.repairer is not None
+    made, repairs = list[list[list[Program]]](), model.repairer.repairs
+
+    def witnessed(executions: Any, table: Any, beam: int) -> list[list[Program]]:
+        made.append(repairs(executions, table, beam))
+        return made[-1]
+
+    monkeypatch.setattr(model.repairer, "repairs", witnessed)
+    task = mixed_up(memo)
+    solution = solve(model, task, memo, budget=Budget(actions=2_000, seconds=60))
+    assert not solution.solved
+    assert [len(programs) for programs in made] == [8], "the candidates that pass most, once"
+    tried = {program for programs in made[0] for program in programs}
+    before = memo.simulated_actions
+    for program in list(tried)[:10]:
+        attempt(program, task, memo)
+    assert memo.simulated_actions == before, "where they lead is known"
 
 
 def test_all_searches_answer(memo: MemoRobot) -> None:

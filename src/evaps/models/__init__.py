@@ -65,6 +65,7 @@ SEARCHES: dict[str, tuple[str, ...]] = {
     "verified-no-guide": ("encoder", PROPOSER, "inverse"),
     "verified-no-sharing": ("encoder", PROPOSER, "inverse"),
     "verified-no-beam": ("encoder", PROPOSER, "inverse"),
+    "verified-with-repairs": ("encoder", PROPOSER, "inverse", "evaps"),
     "sed-search": ("encoder", PROPOSER, "sed"),
     "enumeration": ("encoder", PROPOSER),
     "blind": ("encoder", PROPOSER),
@@ -72,9 +73,9 @@ SEARCHES: dict[str, tuple[str, ...]] = {
 }
 """Searches, which are no networks of their own, and the checkpoints that they use: see `evaps.synthesis`.
 
-``verified``, the same without one of its parts, SED's own search, and three that learn nothing:
-``enumeration`` by cost, ``blind``, which draws programs until one passes, and ``prior``, which draws as many
-as are wanted.
+``verified``, the same without one of its parts, the same with EVAPS's repairs, SED's own search, and three
+that learn nothing: ``enumeration`` by cost, ``blind``, which draws programs until one passes, and ``prior``,
+which draws as many as are wanted.
 """
 
 for _entry in entry_points(group="evaps.methods"):
@@ -231,11 +232,10 @@ def load_model(name: str | Path = CHOSEN.model, method: str = VERIFIED) -> Model
     """
     folder = model_folder(name)
     if method in SEARCHES:
-        needed = SEARCHES[method][-1]
-        inverse = load_inverse(folder / needed) if needed == "inverse" else None
-        return replace(
-            load_model(folder, needed if needed in METHODS else PROPOSER), inverse=inverse, search=method
-        )
+        needed = SEARCHES[method]
+        inverse = load_inverse(folder / "inverse") if "inverse" in needed else None
+        loop = load_model(folder, needed[-1] if needed[-1] in METHODS else PROPOSER)
+        return replace(loop, inverse=inverse, search=method)
     repairs = is_repairer(method)
     synthesizer = load_method(folder / (proposer := PROPOSER if repairs else method), proposer)
     repairer = load_method(folder / method, method) if repairs else None

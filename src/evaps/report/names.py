@@ -17,6 +17,7 @@ NAMES = {
     "verified-no-guide": "without the inverse model",
     "verified-no-sharing": "without sharing among scenes",
     "verified-no-beam": "without LGRL's beam",
+    "verified-with-repairs": "with EVAPS's repairs of the beam",
     "sed-search": "SED, best-first",
     "enumeration": "enumeration of programs by cost",
     "blind": "blind: programs drawn from the prior until one passes",

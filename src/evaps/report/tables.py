@@ -89,21 +89,27 @@ def scale_note(results: Results) -> str:
     return f"Ours: {ours}{trained}. The paper: {PAPER}."
 
 
-def differences(results: Results, better: str, others: Sequence[str], k: int = 1) -> Iterator[str]:
+def differences(
+    results: Results, better: str, others: Sequence[str], ks: Sequence[int] = (min(TOP), max(TOP))
+) -> Iterator[str]:
     """A sentence for each other method; it claims a difference only where the interval does."""
     if better not in results.methods:
         return
     for other in others:
         try:
-            found = results.difference(better, other, GOAL, k)
+            said = [_difference(results, better, other, k) for k in ks]
         except ValueError:
             continue
-        interval = f"{found.mean:+.1f} points, 95 % interval [{found.low:+.1f}, {found.high:+.1f}]"
-        verb = "is not certainly different from"
-        if found.certain:
-            verb = "is better than" if found.mean > 0 else "is worse than"
-        one, two = (name_of(method) for method in (better, other))
-        yield f"{one} {verb} {two} at generalization @{k}: {interval}."
+        yield f"{name_of(better)} against {name_of(other)}: {'; '.join(said)}."
+
+
+def _difference(results: Results, better: str, other: str, k: int) -> str:
+    found = results.difference(better, other, GOAL, k)
+    verdict = "not certainly different"
+    if found.certain:
+        verdict = "better" if found.mean > 0 else "worse"
+    interval = f"{found.mean:+.1f} points, 95 % interval [{found.low:+.1f}, {found.high:+.1f}]"
+    return f"{verdict} at generalization @{k}, {interval}"
 
 
 def _gain(results: Results, method: str, base: str, k: int) -> str:

@@ -53,6 +53,7 @@ SEARCHES: dict[str, Search] = {
     "verified-no-guide": _verified(Parts(guide=False)),
     "verified-no-sharing": _verified(Parts(sharing=False)),
     "verified-no-beam": _verified(Parts(beam=False)),
+    "verified-with-repairs": _verified(),
     "sed-search": lambda model, task, robot, top_k, budget, seed, watch: synthesize_best_first(
         model, task, robot, top_k, watch=watch
     ),

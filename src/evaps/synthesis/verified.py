@@ -12,19 +12,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, compress
 
 import numpy as np
 
 from evaps.dsl import Action, Program
-from evaps.dsl.sampler import ACTIONS
+from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.models import Model
+from evaps.models.compute import autocast
 from evaps.robots.base import Scene
 from evaps.robots.frames import digest
 from evaps.robots.memo import MemoRobot
 from evaps.robots.together import run_together
 from evaps.robots.world import world
 from evaps.synthesis.budget import USUAL_BUDGET, Budget, Meter
+from evaps.synthesis.crossover import crossovers
 from evaps.synthesis.explain import Explainer, Limits, cost_of
 from evaps.synthesis.features import FeatureTable
 from evaps.synthesis.graph import Graph
@@ -42,6 +44,8 @@ PARTIAL = Limits(work=100_000, programs=100, extra=8)  # for programs that expla
 SOME = Limits(work=100_000)
 NOTHING_FOUND = Program((Action(ACTIONS[-1]),))
 GRACE = 1.5  # times its seconds that a search may take to make something of what it has found
+REPAIRED = 8  # candidates that are repaired, if there is a repairer
+REPAIRS = 8  # of each
 PROBES = 4  # further scenes on which programs are compared
 PROBED = 20  # programs that are
 DEARER = 1.5  # so many times less does a program count for each bit that it costs: 2 if the prior were exact
@@ -83,7 +87,7 @@ def synthesize_verified(
     """Search for programs that pass all pairs; if none is found, those that pass most.
 
     Args:
-        model: with an inverse model.
+        model: with an inverse model; if it has a repairer, its repairs are tried, too.
         task: the specification.
         robot: remembers what was simulated; eager.
         top_k: how many candidates come back at most; no two of them do the same on all scenes that were run.
@@ -127,6 +131,9 @@ class _Search:
         self.reach_goals()
         programs = self.explain() or self.explain_some()
         attempts = attempt_all(programs, self.task, self.robot)
+        if not any(a.solved for a in attempts):
+            scenes = [example.scene for example in self.task.examples]
+            attempts += attempt_all(crossovers(attempts, scenes, self.robot), self.task, self.robot)
         attempts.sort(key=lambda a: (-a.pairs_passed, cost_of(a.program)))
         solved = sum(a.solved for a in attempts)
         self.tell(f"{solved} of {len(attempts)} programs pass all examples", attempts[0])
@@ -161,6 +168,8 @@ class _Search:
             yield 600, lambda: traces.suggest_around(3, with_detour)
         if self.parts.beam:
             yield 1_000, self.try_beam
+        if self.model.repairer is not None:
+            yield 1_100, self.try_repairs
         if self.parts.sharing:
             yield 1_200, lambda: traces.suggest(with_detour)
             yield 1_400, self.try_explanations
@@ -183,6 +192,18 @@ class _Search:
 
     def _propose(self) -> None:
         self.proposals = [p.program for p in propose(self.model, self.table, self.task, self.robot)]
+
+    def try_repairs(self) -> None:
+        """Where the repairer's programs lead: several for each of the candidates that pass most examples."""
+        assert self.model.repairer is not None
+        attempts = attempt_all(self.proposals, self.task, self.robot)
+        attempts.sort(key=lambda a: -a.pairs_passed)
+        executions = self.table.executions(attempts[:REPAIRED], self.task)
+        with autocast():
+            repaired = self.model.repairer.repairs(executions, self.table.table, REPAIRS)
+        new = dict.fromkeys(program for programs in repaired for program in programs)
+        self.proposals += [program for program in new if program not in self.proposals]
+        self._try(self.proposals)
 
     def try_explanations(self) -> None:
         """Where programs lead that explain the scenes in which the goal was reached."""
@@ -216,13 +237,20 @@ class _Search:
         return []
 
     def explain_some(self) -> list[Program]:
-        """Programs for the scenes where the goal was reached, or for all but one, and LGRL's candidates."""
-        reached = [i for i, scene in enumerate(self.traces.scenes) if scene.goals]
-        parts = combinations(reached, min(len(reached), len(self.traces.scenes) - 1))
-        programs = [p for part in parts if part for p in self._explainer(part, SOME).programs()]
+        """Programs for parts of the scenes where the goal was reached, and LGRL's candidates."""
+        programs = [p for part in self._parts() for p in self._explainer(part, SOME).programs()]
         if not self.proposals and self.parts.beam:
             self._propose()
         return list(dict.fromkeys([*programs, *self.proposals])) or [NOTHING_FOUND]
+
+    def _parts(self) -> list[tuple[int, ...]]:
+        """Of the scenes where the goal was reached all or all but one, and those that begin alike."""
+        reached = [i for i, scene in enumerate(self.traces.scenes) if scene.goals]
+        parts = [*combinations(reached, min(len(reached), len(self.traces.scenes) - 1))]
+        for perception in PERCEPTION_KEYS:
+            seen = [perception in self.traces.scenes[i].root.view.perceptions for i in reached]
+            parts += [tuple(compress(reached, seen)), tuple(compress(reached, [not each for each in seen]))]
+        return [part for part in dict.fromkeys(parts) if part]
 
     def _explainer(self, scenes: Sequence[int], limits: Limits) -> Explainer:
         chosen = [self.traces.scenes[i] for i in scenes]
