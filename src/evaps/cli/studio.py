@@ -43,6 +43,10 @@ class Studio(Command):
         except ImportError as error:
             raise UserError(f"the studio needs {error.name}; try: pip install 'evaps[viewer]'") from error
 
+        if self.model != CHOSEN.model:  # the usual set may be missing: then it is a page for driving
+            from evaps.models import model_folder
+
+            model_folder(self.model)
         for folder in self.tasks:
             load_task(folder)  # what cannot be loaded is told before anybody looks for it
         listening = _listen(self.host, self.port)

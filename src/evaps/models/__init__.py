@@ -196,7 +196,8 @@ def model_folder(name: str | Path) -> Path:
     folder = shipped.get(str(name), Path(name))
     if not folder.is_dir():
         raise CheckpointError(
-            f"there is no checkpoint folder {str(name)!r}; shipped are: {', '.join(shipped) or 'none'}"
+            f"there is no checkpoint folder {str(name)!r}; shipped are: {', '.join(shipped) or 'none'}; "
+            "evaps train makes one"
         )
     return folder
 

@@ -195,7 +195,10 @@ def _tell_errors(app: FastAPI) -> None:
     def malformed(_: Request, error: RequestValidationError) -> JSONResponse:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"] if part != "body")
-        return JSONResponse({"error": f"{where}: {first['msg'].removeprefix('Value error, ')}"}, 422)
+        said = first["msg"].removeprefix("Value error, ")
+        if first["type"] == "json_invalid":
+            where, said = "", "what was sent is not JSON"
+        return JSONResponse({"error": f"{where}: {said}" if where else said}, 422)
 
     @app.exception_handler(EngineError)
     def broken(_: Request, error: EngineError) -> JSONResponse:

@@ -101,7 +101,9 @@ def synthesize_with(
 
     def go_on(done: int) -> bool:
         best = max((a for chain in chains for a in chain), key=lambda a: a.pairs_passed)
-        text = f"candidates after repair {done}" if done else f"{len(chains)} candidates proposed"
+        solved = sum(chain[-1].solved for chain in chains)
+        what = f"repair {done}" if done else "no repair yet"
+        text = f"{len(chains)} candidates, {what}: {solved} pass all examples"
         watch.tell(News(text, best.passed, best.program, meter.actions, meter.seconds))
         return not watch.stopped()
 

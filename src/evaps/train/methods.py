@@ -53,12 +53,12 @@ def train(
     """
     if scale not in SCALES:
         raise UserError(f"there is no scale {scale!r}; known are {', '.join(SCALES)}")
+    start = None
+    if method not in ("encoder", "inverse"):
+        start = PROPOSER if is_repairer(method) else METHODS[method].start
     run = Run(Dataset(data), out, scale, seed, workers, tensorboard)
     if method == "encoder":
         return train_encoder(run)
-    start = None
-    if method != "inverse":
-        start = PROPOSER if is_repairer(method) else METHODS[method].start
     for needed in ("encoder", "inverse", start):
         if needed not in (None, method):
             _check_there(out, str(needed), method, data)

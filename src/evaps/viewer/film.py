@@ -186,7 +186,8 @@ def _map(scene: Scene, states: Sequence[WorldState]) -> Picture.Image:
         x, y = _place(thing.x, thing.y)
         color = ALIVE if thing.alive else DEAD
         pen.ellipse((x - 6, y - 6, x + 6, y + 6), fill=color)
-        name = thing.kind if len(states[-1].things) <= FEW else ""  # else names would cover one another
+        named = len(states[-1].things) <= FEW and not world().grid  # else names would cover one another
+        name = thing.kind if named else ""
         pen.text((x + 8, y - 7), f"{number} {name}" if number > 1 else name, color, _font())
     x, y = way[-1]
     heading = np.deg2rad(states[-1].robot.heading)

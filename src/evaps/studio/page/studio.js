@@ -2,6 +2,8 @@
 "use strict";
 
 const $ = (id) => document.getElementById(id);
+const GONE = "the studio does not answer; is `evaps studio` still running?";
+const FEW = 12; // things on the map that have their names beside them
 const WIDE = 640; // the map, in the units of its picture
 const TURN = 15; // degrees a key press, if the robot can stand like that
 
@@ -29,7 +31,7 @@ async function ask(path, body) {
   try {
     reply = await fetch(path, options);
   } catch {
-    throw new Error("the studio does not answer; is `evaps studio` still running?");
+    throw new Error(GONE);
   }
   if (!reply.ok) throw new Error((await reply.json().catch(() => ({}))).error ?? `error ${reply.status}`);
   return reply;
@@ -80,7 +82,7 @@ async function refresh(atEnd = true, what = program()) {
 
 async function tellReplaced() {
   const health = await askJson("api/health");
-  if (health.engines_replaced > (tellReplaced.before ?? 0)) {
+  if (health.engines_replaced > (tellReplaced.before ?? Infinity)) { // what was before this page is no news
     say("An engine had died; a new one has taken its place, and nothing is lost.");
   }
   tellReplaced.before = health.engines_replaced;
@@ -148,8 +150,8 @@ function drawMap(keep) {
     shape("circle", { class: "hit", r: Math.max(24, radius(thing.kind)) }, group);
     shape("title", {}, group).textContent = thing.kind;
     const number = changes ? alike(now.things, thing) : alike(state.scene.things, thing);
-    const name = number > 1 ? number : radius(thing.kind) > 20 ? thing.kind : ""; // it must not cover its neighbours
-    label(name, group);
+    const name = state.scene.things.length > FEW ? "" : thing.kind; // names must not cover their neighbours
+    label(number > 1 ? number : name, group, number > 1 ? 0 : radius(thing.kind));
   });
   for (const thing of now?.things ?? []) { // what was not there at the beginning
     if (!thing.alive || alike(moments[0].state.things, thing)) continue;
@@ -172,6 +174,11 @@ function oneTabStop(things) {
   const pick = (index) => {
     state.picked = index;
     things.forEach((thing, other) => thing.setAttribute("tabindex", other === index ? 0 : -1));
+    things.forEach((thing, other) => thing.classList.toggle("picked", other === index));
+    const place = pickedPlace();
+    $("picked").textContent = isRobot(place) ? "the robot" : `${place.kind} ${index + 1}`;
+    $("turn-it-left").hidden = $("turn-it-right").hidden = !isRobot(place);
+    $("take-it").hidden = stays(place);
   };
   things.forEach((thing, index) => thing.addEventListener("focus", () => pick(index)));
   pick(Math.min(state.picked, things.length - 1));
@@ -198,8 +205,11 @@ function body(kind, group) {
   shape(name, { class: `body ${kind}`, ...size }, group);
 }
 
-function label(text, group) {
-  shape("text", { y: 5, "text-anchor": "middle" }, group).textContent = text;
+/** A number stands in the middle, and so does a name if there is room for it in the thing; else it stands beside. */
+function label(text, group, room = 0) {
+  const beside = room > 0 && room <= 20;
+  const place = beside ? { x: room + 4, "text-anchor": "start" } : { "text-anchor": "middle" };
+  shape("text", { y: 5, ...place }, group).textContent = text;
 }
 
 const near = (a, b) => Math.hypot(a.x - b.x, a.y - b.y) <= facts.tolerance;
@@ -209,6 +219,8 @@ function marker(map, x, y, heading, name) {
   shape("circle", { class: name, cx: across(x), cy: down(y), r: radius("robot") }, map);
   shape("line", { class: name, x1: across(x), y1: down(y), x2: across(x) + 34 * Math.cos(angle), y2: down(y) - 34 * Math.sin(angle) }, map);
 }
+
+const pickedPlace = () => state.scene.things[state.picked] ?? state.scene.robot;
 
 /** Something on the map that can be dragged, and moved with keys. */
 function item(map, place, label, gone) {
@@ -221,6 +233,7 @@ function item(map, place, label, gone) {
 }
 
 const isRobot = (place) => place === state.scene.robot;
+const stays = (place) => isRobot(place) || place.kind === facts.border;
 const clamp = (value, [low, high]) => Math.min(high, Math.max(low, Math.round(value)));
 
 function move(place, x, y) {
@@ -249,21 +262,27 @@ function drag(event, place) {
   for (const name of ["pointerup", "pointercancel"]) addEventListener(name, end, { signal: over.signal });
 }
 
+function turn(robot, left) {
+  const angle = Math.max(TURN, facts.headings);
+  robot.heading = (robot.heading + (left ? angle : 360 - angle)) % 360;
+}
+
+function takeAway(thing) {
+  state.scene.things.splice(state.scene.things.indexOf(thing), 1);
+}
+
 function onKey(event, place) {
   const far = step() * (event.shiftKey ? 4 : 1);
-  const turn = Math.max(TURN, facts.headings);
   const moves = { ArrowLeft: [-far, 0], ArrowRight: [far, 0], ArrowUp: [0, far], ArrowDown: [0, -far] };
   const index = isRobot(place) ? state.scene.things.length : state.scene.things.indexOf(place);
-  const stays = isRobot(place) || place.kind === facts.border;
   if (event.key in moves) move(place, place.x + moves[event.key][0], place.y + moves[event.key][1]);
   else if (event.key === "n" || event.key === "p") {
     const things = [...$("map").querySelectorAll(".thing")];
     event.preventDefault();
     things.at((index + (event.key === "n" ? 1 : -1)) % things.length).focus();
     return;
-  } else if (isRobot(place) && (event.key === "[" || event.key === "]"))
-    place.heading = (place.heading + (event.key === "[" ? turn : 360 - turn)) % 360;
-  else if (!stays && (event.key === "Delete" || event.key === "Backspace")) state.scene.things.splice(index, 1);
+  } else if (isRobot(place) && (event.key === "[" || event.key === "]")) turn(place, event.key === "[");
+  else if (!stays(place) && (event.key === "Delete" || event.key === "Backspace")) takeAway(place);
   else return;
   event.preventDefault();
   sceneChanged();
@@ -386,6 +405,7 @@ async function makeFive() {
   }
   if (made.length < facts.examples) throw new Error("the program does not come to an end in enough random scenes");
   state.examples = made;
+  forgetAnswer();
   drawExamples();
 }
 
@@ -415,6 +435,7 @@ function drawExamples(passed = []) {
     const remove = button("Remove", () => {
       state.examples.splice(index, 1);
       drawExamples();
+      forgetAnswer();
       $("examples").querySelectorAll("button.remove")[Math.min(index, state.examples.length - 1)]?.focus();
     });
     remove.className = "remove";
@@ -478,14 +499,17 @@ function button(text, action) {
 
 async function go(index) {
   state.scene = structuredClone(state.examples[index].scene);
+  state.picked = Infinity;
   state.driven = [];
   forgetRun();
+  drawMap();
   await refresh(state.byHand);
 }
 
 async function load(task) {
   state.examples = task.examples;
   $("task-name").value = task.name;
+  forgetAnswer();
   drawExamples();
   for (const example of state.examples) {
     example.first = (await askJson("api/run", { scene: example.scene })).moments[0].rgb;
@@ -511,9 +535,15 @@ async function save() {
 
 // --- synthesis ----------------------------------------------------------------------------------------------
 
-async function synthesize() {
+/** It was for other examples. */
+function forgetAnswer() {
   $("log").replaceChildren();
   $("result").hidden = true;
+  $("progress").textContent = "";
+}
+
+async function synthesize() {
+  forgetAnswer();
   $("progress").textContent = "beginning...";
   state.job = "starting";
   state.budget = Number($("actions").value);
@@ -542,7 +572,7 @@ async function* linesOf(reply) {
   const reader = reply.body.pipeThrough(new TextDecoderStream()).getReader();
   let rest = "";
   for (;;) {
-    const { value, done } = await reader.read();
+    const { value, done } = await reader.read().catch(() => { throw new Error(GONE); });
     if (done) return;
     const lines = (rest + value).split("\n");
     rest = lines.pop();
@@ -561,12 +591,13 @@ function hear(line) {
     $("progress").textContent = `${passed} of ${line.passed.length} goals, ${line.actions} of ${state.budget} actions simulated, ${line.seconds.toFixed(1)} s`;
     const entry = document.createElement("li");
     entry.textContent = `${line.seconds.toFixed(1)} s: ${line.news}`;
-    if (line.python) {
+    if (line.python && line.python !== $("log").querySelector("li:last-of-type pre, li:nth-last-of-type(2) pre")?.textContent) {
       const best = document.createElement("pre");
       best.textContent = line.python;
       entry.append(best);
     }
     $("log").append(entry);
+    $("log").scrollTop = $("log").scrollHeight;
     drawExamples(line.passed);
   }
   if (line.candidates) showAnswer(line);
@@ -599,18 +630,20 @@ function showAnswer(answer) {
 
 function listen() {
   const on = (id, action, event = "click") => $(id).addEventListener(event, safely(action));
-  on("random-scene", async () => { state.scene = await askJson("api/random-scene", {}); sceneChanged(); });
+  on("random-scene", async () => { state.scene = await askJson("api/random-scene", {}); state.picked = Infinity; sceneChanged(); });
+  for (const left of [true, false]) on(`turn-it-${left ? "left" : "right"}`, () => { turn(state.scene.robot, left); sceneChanged(); });
+  on("take-it", () => { takeAway(pickedPlace()); sceneChanged(); });
   on("time", () => { if (!state.run) return; state.time = Number($("time").value); drawMoment(); }, "input");
   on("undo", async () => { state.driven.pop(); await refresh(); });
   on("restart", async () => { state.driven = []; await refresh(); });
   on("run", runProgram);
   on("five", makeFive);
-  on("keep", () => { state.examples.push(exampleOf(state.scene, state.run)); drawExamples(); });
+  on("keep", () => { state.examples.push(exampleOf(state.scene, state.run)); forgetAnswer(); drawExamples(); });
   on("tasks", async () => { if ($("tasks").value) await load(await askJson(`api/tasks/${encodeURIComponent($("tasks").value)}`)); }, "change");
   on("random-task", async () => { await load(await askJson("api/random-task", {})); });
   on("save", save);
   on("message", () => {});
-  on("clear", () => { state.examples = []; $("result").hidden = true; $("log").replaceChildren(); $("progress").textContent = ""; drawExamples(); });
+  on("clear", () => { state.examples = []; forgetAnswer(); drawExamples(); });
   on("synthesize", synthesize);
   on("stop", async () => { await askJson(`api/stop/${state.job}`, {}); });
   on("take", async () => { choose("program"); $("code").value = $("found").textContent; await runProgram(); });
