@@ -6,8 +6,9 @@ import socket
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
+from typing import Annotated
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from evaps.cli.command import Command
 from evaps.cli.synthesize import shipped_tasks
@@ -22,7 +23,7 @@ class Studio(Command):
     Needs the extra `viewer`: pip install 'evaps[viewer]'. It listens on this machine only; Ctrl-C ends it.
     """
 
-    tasks: Positional[tuple[Path, ...]] = ()
+    tasks: Annotated[Positional[tuple[Path, ...]], arg(help_behavior_hint="(default: none)")] = ()
     """Task folders that can be loaded, beside the shipped ones."""
     port: int = 8000
     """Where it listens; 0 for any that is free."""

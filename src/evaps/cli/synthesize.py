@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from evaps.cli.command import Command
 from evaps.cli.inputs import File, MaybeFile, check_least, check_writable, writing
@@ -37,7 +37,7 @@ class Synthesize(Command):
     them. Candidates are shown best first; a pair is passed if the last view equals the goal, every byte.
     """
 
-    tasks: Positional[tuple[Path, ...]]
+    tasks: Annotated[Positional[tuple[Path, ...]], arg(help_behavior_hint="(at least one)")]
     """Task folders."""
     method: str = "verified"
     """verified; or evaps, the paper's own loop, which repairs the candidates of lgrl; or lgrl, these
