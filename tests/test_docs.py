@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pydoc
 import re
 import subprocess
 import sys
@@ -49,6 +50,12 @@ def test_links_to_files_outside_of_the_site_become_names() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_every_command_and_option_in_a_page_exists(page: Path) -> None:
     check_commands(page.read_text())
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_name_of_the_code_in_a_page_is_there(page: Path) -> None:
+    for name in re.findall(r"`(evaps(?:\.\w+)+)`", page.read_text()):
+        assert pydoc.locate(name) is not None, name
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
