@@ -11,9 +11,16 @@ from pathlib import Path
 
 from evaps.evaluate import evaluate
 from evaps.models import needed_for
-from evaps.report.summary import answer_table, budget_table, confidence_table, steps_table, summary_table
+from evaps.report.summary import (
+    answer_table,
+    budget_table,
+    confidence_table,
+    noise_table,
+    steps_table,
+    summary_table,
+)
 from recipes.pages import put
-from recipes.paper import Plan, make_checkpoint, make_data
+from recipes.paper import NOISE, Plan, make_checkpoint, make_data
 
 PLAN = Plan()
 RESULTS = PLAN.results
@@ -21,6 +28,8 @@ METHODS = RESULTS / "methods"
 ROWS = RESULTS / "verified.parquet"
 PARTS = RESULTS / "verified-parts.parquet"
 PART_TASKS = 40
+NOISY = RESULTS / "verified-noise"
+NOISY_TASKS = 100
 WITHOUT = (
     "verified",
     "verified-no-guide",
@@ -33,9 +42,13 @@ WITHOUT = (
 
 
 def make_rows() -> None:
-    """`evaps evaluate --methods verified`, and with one part left out: 15 minutes each."""
+    """`evaps evaluate --methods verified`, with one part left out, and with noise: 15 minutes each."""
     evaluate(PLAN.data, ROWS, str(PLAN.runs(0)), ("verified",), tasks=PLAN.tasks)
     evaluate(PLAN.data, PARTS, str(PLAN.runs(0)), WITHOUT, tasks=PART_TASKS)
+    for share in (0.0, *NOISE):
+        path = NOISY / f"verified-{100 * share:.0f}.parquet"
+        path.parent.mkdir(exist_ok=True)
+        evaluate(PLAN.data, path, str(PLAN.runs(0)), ("verified",), tasks=NOISY_TASKS, noise=share)
 
 
 def tables() -> str:
@@ -50,8 +63,10 @@ def tables() -> str:
         budget_table(ROWS, "verified"),
         "Confidence, and how often answers of that confidence were right:",
         confidence_table(ROWS, "verified"),
-        f"With one part left out, on the first {PART_TASKS} of these tasks:",
+        f"With one part left out, or one more, on the first {PART_TASKS} of these tasks:",
         answer_table([PARTS]),
+        f"With noise, on the first {NOISY_TASKS}; goals are compared on pixels that are valid in both views:",
+        noise_table(NOISY, "verified"),
     ]
     return "\n\n".join(parts)
 

@@ -12,6 +12,7 @@ from evaps.metrics import Results
 from evaps.report import LEARNING, NOISE, REPORTS, SIZES, report
 from evaps.report.curves import actions, complexity, learning, noise, sizes
 from evaps.report.repairs import edits, effects, rounds
+from evaps.report.summary import noise_table
 from evaps.report.table import Table
 from evaps.report.tables import table_1, table_2
 
@@ -196,3 +197,13 @@ def test_signs_that_latex_knows_otherwise_are_escaped() -> None:
     assert r"a\_b" in text
     assert r"y \%" in text
     assert r"1 $\pm$ 2" in text
+
+
+def test_a_table_by_noise_has_a_line_for_each_share(tmp_path: Path) -> None:
+    for share, ranks in ((0.2, [None, 0]), (0.0, [0, 0])):
+        made = [row | {"noise": share, "pairs_passed": 5 * row["exact"]} for row in rows("verified", ranks)]
+        pq.write_table(table_of(made), tmp_path / f"{share}.parquet")
+    assert noise_table(tmp_path, "verified").splitlines()[2:] == [
+        "| 0 % | 2 | 100.0 % | 100.0 % | 1.00 |",
+        "| 20 % | 2 | 50.0 % | 50.0 % | 1.00 |",
+    ]

@@ -80,6 +80,25 @@ def answer_table(rows: Sequence[Path]) -> str:
     return "\n".join(lines)
 
 
+def noise_table(rows: Path, method: str) -> str:
+    """Markdown: a method's one answer by the share of invalid pixels.
+
+    Args:
+        rows: a folder of files, one for each share.
+        method: of which method.
+    """
+    lines = [
+        "| invalid pixels | tasks | passes all five | generalizes | seconds, median |",
+        "|---|---:|---:|---:|---:|",
+    ]
+    for share, results in sorted(Results.by_column(rows, "noise").items()):
+        answers = results.first(method).answers()
+        seconds = np.median([row["seconds"] for row in answers])
+        cells = [f"{100 * share:.0f} %", str(len(answers)), *_shares(answers), f"{seconds:.2f}"]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 def steps_table(rows: Path, method: str) -> str:
     """Markdown: how often a method's answer passes and generalizes, by the steps of the task."""
     answers = Results.read(rows).first(method).answers()
