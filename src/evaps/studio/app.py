@@ -37,7 +37,7 @@ from evaps.viewer.film import look, record
 from evaps.viewer.page import COLOURS
 
 PAGE = Path(__file__).parent / "page"
-PARTS = {path.name: path for path in (PAGE / "studio.js", PAGE / "studio.css", COLOURS)}
+PARTS = {path.name: path for path in (*PAGE.glob("*.js"), PAGE / "studio.css", COLOURS)}
 MOST_SEEDS = 1_000_000  # of random tasks
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
