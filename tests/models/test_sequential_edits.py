@@ -1,6 +1,7 @@
 """Edits one after the other: what is learned leads to the target; whatever is decoded parses."""
 
 import numpy as np
+import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -8,6 +9,7 @@ from hypothesis import strategies as st
 from evaps.dsl import Program
 from evaps.dsl.mutation import mutate
 from evaps.dsl.sampler import MAX_TOKENS, sample_program
+from evaps.models.edit_steps import EditSteps
 from evaps.models.sequential_edits import Edited, Lesson, SequentialEdits, edits_between
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -66,3 +68,24 @@ def test_programs_are_decoded_together_as_alone_and_each_comes_once() -> None:
         assert len(set(together[i])) == len(together[i])
         alone = head.decode(memory[i : i + 1], [program], beam=6)[0]
         assert alone == together[i]
+
+
+@pytest.mark.parametrize("last_token", [False, True])
+def test_a_step_at_a_time_gives_the_same_as_all_at_once(last_token: bool) -> None:
+    torch.manual_seed(0)
+    head = SequentialEdits(16, 32, layers=2, last_token=last_token).eval()
+    torch.nn.init.normal_(head.output.weight)
+    pairs = [two_programs(seed, 1) for seed in range(3)]
+    befores, afters = zip(*pairs, strict=True)
+    memory = torch.randn(3, 5, max(len(p.tokens) for p in befores), 16)
+    told = head.targets(befores, afters, torch.device("cpu")).told
+    with torch.inference_mode():
+        expected, _ = head(memory, told, None)
+        steps = EditSteps(head, memory)
+        order = torch.tensor([2, 0, 1])
+        for time in range(expected.shape[1]):
+            found = steps.step(
+                *(each[:, time][steps.owner] for each in (told.last, told.written, told.pointers))
+            )
+            torch.testing.assert_close(found, expected[:, time][steps.owner], rtol=1e-4, atol=1e-5)
+            steps.select(order)  # as a beam does

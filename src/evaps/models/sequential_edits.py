@@ -24,7 +24,7 @@ from evaps.dsl.alignment import align
 from evaps.dsl.sampler import MAX_TOKENS
 from evaps.models.base import pad
 from evaps.models.beam import Chosen, search
-from evaps.models.recurrent import select_hidden
+from evaps.models.edit_steps import EditSteps
 
 KEEP, DELETE = 0, 1
 INSERT, REPLACE = 2, 2 + len(VOCAB)  # plus the token's id
@@ -221,21 +221,17 @@ class SequentialEdits(nn.Module):
         self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
     ) -> list[list[Program]]:
         """For each program what it may become, most probable first; everything parses."""
-        hidden: tuple[Tensor, Tensor] | None = None
-        owner = torch.arange(len(memory), device=memory.device)
-        last = torch.full_like(owner, EDITS)
+        steps = EditSteps(self, memory)
+        last = torch.full((len(memory),), EDITS, device=memory.device)
 
         def step(partials: Sequence[Edited], chosen: Chosen | None) -> Tensor:
-            nonlocal hidden, owner, last
-            if chosen is not None and hidden is not None:
+            nonlocal last
+            if chosen is not None:
                 rows, last = chosen
-                owner = owner[rows]
-                hidden = select_hidden(hidden, rows, memory.shape[1])
+                steps.select(rows)
             pointers = torch.tensor([p.pointer for p in partials], device=memory.device)
             written = torch.tensor([(p.tokens or (0,))[-1] for p in partials], device=memory.device)
-            told = Told(last[:, None], written[:, None], pointers[:, None])
-            logits, hidden = self(memory[owner], told, hidden)
-            return logits[:, 0]
+            return steps.step(last, written, pointers)
 
         found = search([Edited.start(program) for program in before], step, beam, _LONGEST)
         return [list(dict.fromkeys(h.partial.program for h in group)) for group in found]
