@@ -80,7 +80,7 @@ def test_a_step_at_a_time_gives_the_same_as_all_at_once(last_token: bool) -> Non
     memory = torch.randn(3, 5, max(len(p.tokens) for p in befores), 16)
     told = head.targets(befores, afters, torch.device("cpu")).told
     with torch.inference_mode():
-        expected, _ = head(memory, told, None)
+        expected = head(memory, told)
         steps = EditSteps(head, memory)
         order = torch.tensor([2, 0, 1])
         for time in range(expected.shape[1]):

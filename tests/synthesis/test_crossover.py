@@ -33,7 +33,8 @@ def task_of(gold: Program, memo: MemoRobot) -> Task:
         if seen.count(demon) < 3:
             seen.append(demon)
             memo.reset(scene)
-            examples.append(Example(scene, run(gold, memo).observations[-1].frame))  # type: ignore[attr-defined]
+            run(gold, memo)
+            examples.append(Example(scene, memo.observe().frame))
     return Task("demons", tuple(examples))
 
 

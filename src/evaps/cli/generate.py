@@ -54,11 +54,10 @@ class Generate(Command):
             frames = not self.no_frames
             indices = generate(self.out, self.tasks, self.seed, workers, shard=shard, frames=frames)
         facts = {"data": self.out, "tasks": self.tasks, "indices": indices, "shard": self.shard}
+        said = f"{self.out}: {self.tasks} tasks with distinct programs, out of {indices}"
         if shard[1] > 1:
-            print_result(f"{self.out}: share {self.shard}, {indices} tasks", facts, self.json)
-        else:
-            said = f"{self.out}: {self.tasks} tasks with distinct programs, out of {indices}"
-            print_result(said, facts, self.json)
+            said = f"{self.out}: share {self.shard}, {indices} tasks"
+        print_result(said, facts, self.json)
 
 
 def read_shard(text: str) -> tuple[int, int]:

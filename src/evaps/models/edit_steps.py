@@ -50,10 +50,8 @@ class EditSteps:
     """
 
     def __init__(self, edits: SequentialEdits, memory: Memory) -> None:
-        self.output, self.layers = (
-            edits.output,
-            [Weights.of(edits.lstm, n) for n in range(edits.lstm.num_layers)],
-        )
+        self.output = edits.output
+        self.layers = [Weights.of(edits.lstm, number) for number in range(edits.lstm.num_layers)]
         size, (into, _, bias) = edits.lstm.hidden_size, self.layers[0]
         tokens = edits.norm(memory)
         self.edit = F.linear(edits.edit.weight, into[:, :size], bias)

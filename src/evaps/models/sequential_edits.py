@@ -193,19 +193,15 @@ class SequentialEdits(nn.Module):
         self, memory: Float[Tensor, "batch pair time memory"], targets: EditTargets
     ) -> Float[Tensor, ""]:
         """Cross-entropy of the edits, a mean over those of a program, then over programs."""
-        logits, _ = self(memory, targets.told, None)
-        logits = logits.float().masked_fill(~targets.masks, -torch.inf)
+        logits = self(memory, targets.told).float().masked_fill(~targets.masks, -torch.inf)
         choices = targets.choices
         losses = F.cross_entropy(logits.transpose(1, 2), choices, ignore_index=-1, reduction="none")
         return (losses.sum(1) / (choices >= 0).sum(1)).mean()
 
     def forward(
-        self,
-        memory: Float[Tensor, "batch pair time memory"],
-        told: Told,
-        hidden: tuple[Tensor, Tensor] | None,
-    ) -> tuple[Float[Tensor, "batch edit choice"], tuple[Tensor, Tensor]]:
-        """Logits of each edit, and the state of the LSTMs, whose rows are the pairs of each program."""
+        self, memory: Float[Tensor, "batch pair time memory"], told: Told
+    ) -> Float[Tensor, "batch edit choice"]:
+        """Logits of each edit; a row of the LSTM is a pair of a program."""
         pairs = memory.shape[1]
         pointed = F.one_hot(told.pointers, memory.shape[2]).to(memory.dtype)  # quicker than indexing
         token = self.dropout(self.norm(pointed[:, None] @ memory))
@@ -213,9 +209,9 @@ class SequentialEdits(nn.Module):
         if self.written is not None:
             known.append(self.dropout(self.written(told.written)))
         given = torch.cat(known, -1)[:, None].expand(-1, pairs, -1, -1)
-        outputs, hidden = self.lstm(torch.cat([given, token], -1).flatten(0, 1), hidden)
+        outputs, _ = self.lstm(torch.cat([given, token], -1).flatten(0, 1))
         pooled = outputs.unflatten(0, (-1, pairs)).amax(1), token.amax(1)
-        return self.output(torch.cat([self.dropout(pooled[0]), pooled[1]], -1)), hidden
+        return self.output(torch.cat([self.dropout(pooled[0]), pooled[1]], -1))
 
     def decode(
         self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
