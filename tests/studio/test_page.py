@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import pytest
 from engine_processes import find_engines
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import Page, Route, expect, sync_playwright
 
 from .conftest import TASKS
 
@@ -226,6 +226,20 @@ def test_five_examples_become_a_program(page: Page) -> None:
     assert abs(below) <= 1, "the latest news is in sight"
     page.get_by_role("button", name="Put it into the editor").click()
     expect(page.locator("#code")).to_have_value(page.locator("#found").inner_text())
+
+
+def test_what_is_driven_while_a_scene_is_on_its_way_is_driven_in_that_scene(page: Page) -> None:
+    held: list[Route] = []
+    page.get_by_role("tab", name="Drive").click()
+    page.route("**/api/random-scene", lambda route: held.append(route))
+    with page.expect_request("**/api/random-scene"):
+        page.get_by_role("button", name="Random scene").click()
+    for _ in range(2):
+        page.get_by_role("button", name="turn left", exact=True).click()
+    held[0].continue_()
+    expect(page.locator("#time-text")).to_have_text("2 of 2")
+    expect(page.locator("#driven")).to_have_text("turn left, turn left")
+    page.unroute("**/api/random-scene")
 
 
 def test_a_search_is_stopped(page: Page) -> None:

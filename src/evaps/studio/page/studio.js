@@ -118,22 +118,33 @@ function drawLines(at = [], wrong) {
 
 // --- driving, and programs ----------------------------------------------------------------------------------
 
-let driving = Promise.resolve();
-/** One action after the other, however quickly the keys are pressed, so that each that fails is taken back. */
-function drive(action) {
-  driving = driving.catch(() => {}).then(async () => {
-    state.driven.push(action);
-    enable();
-    try {
-      await refresh();
-    } catch (error) {
-      state.driven.pop();
-      enable();
-      throw error;
-    }
-  });
-  return driving;
+let inHand = Promise.resolve();
+/** One change of the scene or its actions after the other, however quickly they are asked for: none falls into the scene before. */
+function inTurn(change) {
+  inHand = inHand.catch(() => {}).then(change);
+  return inHand;
 }
+
+const drive = (action) => inTurn(async () => {
+  state.driven.push(action);
+  enable();
+  try {
+    await refresh();
+  } catch (error) { // an action that fails is taken back
+    state.driven.pop();
+    enable();
+    throw error;
+  }
+});
+
+const undo = () => inTurn(async () => { state.driven.pop(); await refresh(); });
+const restart = () => inTurn(async () => { state.driven = []; await refresh(); });
+
+const randomScene = () => inTurn(async () => {
+  state.scene = await askJson("api/random-scene", {});
+  state.picked = Infinity;
+  sceneChanged();
+});
 
 function choose(name) {
   for (const tab of ["drive", "program"]) {
@@ -156,12 +167,12 @@ function check() {
   }), 250);
 }
 
-async function runProgram() {
+const runProgram = () => inTurn(async () => {
   state.byHand = false;
   state.driven = [];
   await refresh(false);
   $("code-error").textContent = "";
-}
+});
 
 async function makeFive() {
   const text = $("code").value;
@@ -265,14 +276,14 @@ function button(text, action) {
   return made;
 }
 
-async function go(index) {
+const go = (index) => inTurn(async () => {
   state.scene = structuredClone(state.examples[index].scene);
   state.picked = Infinity;
   state.driven = [];
   forgetRun();
   drawMap();
   await refresh(state.byHand);
-}
+});
 
 async function load(task) {
   state.examples = task.examples;
@@ -386,12 +397,12 @@ function showAnswer(answer) {
 
 function listen() {
   const on = (id, action, event = "click") => $(id).addEventListener(event, safely(action));
-  on("random-scene", async () => { state.scene = await askJson("api/random-scene", {}); state.picked = Infinity; sceneChanged(); });
+  on("random-scene", randomScene);
   for (const left of [true, false]) on(`turn-it-${left ? "left" : "right"}`, () => { turn(state.scene.robot, left); sceneChanged(); });
   on("take-it", () => { takeAway(pickedPlace()); sceneChanged(); });
   on("time", () => { if (!state.run) return; state.time = Number($("time").value); drawMoment(); }, "input");
-  on("undo", async () => { state.driven.pop(); await refresh(); });
-  on("restart", async () => { state.driven = []; await refresh(); });
+  on("undo", undo);
+  on("restart", restart);
   on("run", runProgram);
   on("five", makeFive);
   on("keep", () => { state.examples.push(exampleOf(state.scene, state.run)); forgetAnswer(); drawExamples(); });
@@ -414,7 +425,7 @@ function listen() {
   });
   $("drive").addEventListener("keydown", safely(async (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.key === "Backspace") { event.preventDefault(); state.driven.pop(); await refresh(); return; }
+    if (event.key === "Backspace") { event.preventDefault(); await undo(); return; }
     const action = keys[event.key.toLowerCase()];
     if (!action || (event.key === " " && event.target.id !== "")) return; // space presses other buttons
     event.preventDefault();
