@@ -216,7 +216,8 @@ def evaluate(
         data: folder of a data set.
         out: the file of rows to write, one for each method, task and rank.
         model: a shipped set of checkpoints, or a folder of them.
-        methods: names in METHODS or SEARCHES; a repairer works on LGRL's candidates.
+        methods: names in METHODS or SEARCHES; a repairer works on LGRL's candidates, or, as
+            ``synthesizer+repairer``, on that one's.
         split: of the data set.
         tasks: how many.
         top_k: candidates of a task.

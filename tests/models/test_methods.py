@@ -5,8 +5,9 @@ import torch
 from torch_geometric.nn import GATv2Conv
 
 from evaps.dsl import UserError
-from evaps.models import METHODS, is_repairer, load_method, new_method
+from evaps.models import METHODS, is_repairer, load_method, load_model, needed_for, new_method
 from evaps.models.checkpoint import CheckpointError, save_checkpoint
+from evaps.models.encoder import Encoder, EncoderConfig
 from evaps.models.evaps import Evaps
 
 ABLATIONS = {
@@ -41,6 +42,23 @@ def test_a_method_that_is_not_there_is_told() -> None:
     with pytest.raises(UserError, match="no method 'nobody'; known are lgrl, lgrl-rl"):
         new_method("nobody")
     assert list(METHODS)[-1] == "evaps"
+
+
+def test_a_repairer_mends_what_any_synthesizer_proposes(tmp_path) -> None:
+    for name in ("encoder", "lgrl", "transformer", "naive"):
+        made = Encoder(EncoderConfig()) if name == "encoder" else new_method(name)
+        save_checkpoint(tmp_path / name, made, name, {})
+    assert needed_for("transformer+naive") == ("encoder", "transformer", "naive")
+    for method, proposer in (("naive", "lgrl"), ("transformer+naive", "transformer")):
+        model = load_model(tmp_path, method)
+        assert model.repairer is not None
+        assert (model.synthesizer.name, model.repairer.name) == (proposer, "naive")
+
+
+@pytest.mark.parametrize("method", ["naive+lgrl", "lgrl+transformer", "naive+sed", "lgrl+verified", "lgrl+"])
+def test_who_cannot_propose_or_mend_is_refused(method: str) -> None:
+    with pytest.raises(UserError, match=r"has to be a synthesizer, '\+' and a repairer|there is no method"):
+        needed_for(method)
 
 
 def test_graph_attention_is_the_equation_of_the_paper() -> None:

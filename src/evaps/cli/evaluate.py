@@ -32,7 +32,7 @@ class Evaluate(Command):
     model: str = CHOSEN.model
     """A shipped set of checkpoints, a folder of them, or hub:OWNER/NAME."""
     methods: tuple[str, ...] = ("lgrl", "evaps", "verified")
-    """Who is judged; evaps repairs the candidates of lgrl."""
+    """Who is judged; evaps repairs the candidates of lgrl, transformer+evaps those of transformer."""
     split: str = "test"
     """train, validation or test."""
     tasks: int = 1000

@@ -41,7 +41,8 @@ class Synthesize(Command):
     """Task folders."""
     method: str = "verified"
     """verified; or evaps, the paper's own loop, which repairs the candidates of lgrl; or lgrl, these
-    candidates alone; or another method that was trained."""
+    candidates alone; or another method that was trained; or a synthesizer and who repairs its candidates,
+    as in transformer+evaps."""
     model: str = CHOSEN.model
     """A shipped set of checkpoints, a folder of them from `evaps train`, or hub:OWNER/NAME."""
     top_k: int = 20

@@ -135,6 +135,25 @@ def is_repairer(name: str) -> bool:
     return issubclass(method_class(name), Repairer)
 
 
+def proposer_and_repairer(method: str) -> tuple[str, str | None]:
+    """Who proposes and who mends; a repairer alone mends PROPOSER's candidates.
+
+    Args:
+        method: a synthesizer, a repairer, or ``synthesizer+repairer``.
+
+    Raises:
+        UserError: there is no such method, or it does not have the role that its place asks for.
+    """
+    first, plus, second = method.partition("+")
+    if not plus:
+        return (PROPOSER, first) if is_repairer(first) else (first, None)
+    if is_repairer(first) or not is_repairer(second):
+        raise UserError(
+            f"{method!r} has to be a synthesizer, '+' and a repairer, as in 'inferred-trace+evaps'"
+        )
+    return first, second
+
+
 def needed_for(method: str) -> tuple[str, ...]:
     """The checkpoints that a method's answers depend on; its own comes last.
 
@@ -143,7 +162,8 @@ def needed_for(method: str) -> tuple[str, ...]:
     """
     if method in SEARCHES:
         return SEARCHES[method]
-    return ("encoder", PROPOSER, method) if is_repairer(method) else ("encoder", method)
+    proposer, repairer = proposer_and_repairer(method)
+    return ("encoder", proposer, repairer) if repairer else ("encoder", proposer)
 
 
 def new_method(name: str, **config: Any) -> Synthesizer | Repairer:
@@ -225,7 +245,7 @@ def load_model(name: str | Path = CHOSEN.model, method: str = VERIFIED) -> Model
         name: a shipped set, ``"small"`` or, for Karel, ``"karel"``; or a folder that holds ``encoder``, and a
             folder for each method; or ``"hub:OWNER/NAME"`` for such a folder on the Hugging Face hub.
         method: a name in SEARCHES; or a synthesizer, which proposes alone; or a repairer, which mends what
-            PROPOSER proposes.
+            PROPOSER proposes; or ``synthesizer+repairer``, where it mends another's candidates.
 
     Raises:
         UserError: there is no such method.
@@ -237,9 +257,9 @@ def load_model(name: str | Path = CHOSEN.model, method: str = VERIFIED) -> Model
         inverse = load_inverse(folder / "inverse") if "inverse" in needed else None
         loop = load_model(folder, needed[-1] if needed[-1] in METHODS else PROPOSER)
         return replace(loop, inverse=inverse, search=method)
-    repairs = is_repairer(method)
-    synthesizer = load_method(folder / (proposer := PROPOSER if repairs else method), proposer)
-    repairer = load_method(folder / method, method) if repairs else None
+    proposer, mender = proposer_and_repairer(method)
+    synthesizer = load_method(folder / proposer, proposer)
+    repairer = load_method(folder / mender, mender) if mender else None
     assert isinstance(synthesizer, Synthesizer)
     assert repairer is None or isinstance(repairer, Repairer)
     return Model(load_encoder(folder / "encoder"), synthesizer, repairer)

@@ -26,5 +26,5 @@ NAMES = {
 
 
 def name_of(method: str) -> str:
-    """What a method is called; one of somebody else's by its own name."""
-    return NAMES.get(method, method)
+    """What a method is called, ``synthesizer+repairer`` by both; one of somebody else's by its own name."""
+    return " + ".join(NAMES.get(part, part) for part in method.split("+"))
