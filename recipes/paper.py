@@ -19,6 +19,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import tyro
 
+from evaps.domain import CHOSEN
 from evaps.dsl import UserError
 from evaps.evaluate import evaluate
 from evaps.metrics import Results
@@ -161,20 +162,31 @@ def make_rows(plan: Plan, seed: int, method: str, noise: float = 0.0) -> None:
     path = rows / f"{method}-{seed}.parquet"
     if noise:
         path = rows / "noise" / f"{method}-{seed}-{100 * noise:.0f}.parquet"
-    judge(plan, plan.runs(seed), method, path, noise)
+    judge(plan, plan.runs(seed), (method,), path, noise)
 
 
-def judge(plan: Plan, runs: Path, method: str, path: Path, noise: float = 0.0) -> None:
-    """`evaps evaluate --methods METHOD [--noise SHARE]`, unless it was done with these weights and tasks."""
+def judge(
+    plan: Plan,
+    runs: Path,
+    methods: tuple[str, ...],
+    path: Path,
+    noise: float = 0.0,
+    actions: int = CHOSEN.budget,
+) -> None:
+    """`evaps evaluate --methods METHODS [--noise SHARE]`, unless it was done with these weights and tasks."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    weights = short_hash([hash_of(runs / name) for name in dict.fromkeys(needed_for(method))])
+    needed = (dict.fromkeys(needed_for(method)) for method in methods)
+    weights = {short_hash([hash_of(runs / name) for name in names]) for names in needed}
     tasks = len(Dataset(plan.data).split("test")[: plan.tasks])
     if path.exists():
-        made = pq.read_table(path, columns=["weights", "task"])
-        if made["weights"].unique().to_pylist() == [weights] and len(made["task"].unique()) == tasks:
+        made = pq.read_table(path, columns=["method", "weights", "task"])
+        there = [set(made[column].unique().to_pylist()) for column in ("method", "weights")]
+        if there == [set(methods), weights] and len(made["task"].unique()) == tasks:
             return
     workers = Workers(plan.workers)
-    evaluate(plan.data, path, str(runs), (method,), tasks=plan.tasks, workers=workers, noise=noise)
+    evaluate(
+        plan.data, path, str(runs), methods, tasks=plan.tasks, workers=workers, noise=noise, actions=actions
+    )
 
 
 def readme_table(results: Path) -> str:

@@ -43,7 +43,7 @@ def make_rows(plan: Plan, tasks: int, method: str) -> None:
             shutil.copytree(plan.runs(0) / name, runs / name, dirs_exist_ok=True)
         elif not (runs / name / "config.json").exists():
             train(name, data, runs, plan.scale, 0, Workers(plan.workers))
-    judge(plan, runs, method, rows_of(plan, method, str(tasks)))
+    judge(plan, runs, (method,), rows_of(plan, method, str(tasks)))
 
 
 def rows_of(plan: Plan, method: str, tasks: str) -> Path:
@@ -61,7 +61,7 @@ def main(sizes: Sizes) -> None:
         for tasks in sizes.sizes:
             make_rows(plan, tasks, method)
         whole = plan.results / "methods" / f"{method}-0.parquet"
-        judge(plan, plan.runs(0), method, whole)
+        judge(plan, plan.runs(0), (method,), whole)
         shutil.copy(whole, rows_of(plan, method, "all"))
     report(SIZES, plan.results / "methods", plan.results / "report")
 

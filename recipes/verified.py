@@ -7,9 +7,9 @@ Times are those of two cores without a graphics card.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from evaps.evaluate import evaluate
 from evaps.models import needed_for
 from evaps.report.summary import (
     answer_table,
@@ -20,7 +20,7 @@ from evaps.report.summary import (
     summary_table,
 )
 from recipes.pages import put
-from recipes.paper import NOISE, Plan, make_checkpoint, make_data
+from recipes.paper import NOISE, Plan, judge, make_checkpoint, make_data
 
 PLAN = Plan()
 RESULTS = PLAN.results
@@ -30,6 +30,10 @@ PARTS = RESULTS / "verified-parts.parquet"
 PART_TASKS = 40
 NOISY = RESULTS / "verified-noise"
 NOISY_TASKS = 100
+LARGER_OR_LONGER = {
+    scale: RESULTS / "verified-models" / f"verified-{scale}.parquet" for scale in ("quick", PLAN.scale)
+}
+COMPARED_TASKS, PATIENCE = 200, 14_000  # with as many actions as four searches may simulate
 WITHOUT = (
     "verified",
     "verified-no-guide",
@@ -42,13 +46,27 @@ WITHOUT = (
 
 
 def make_rows() -> None:
-    """`evaps evaluate --methods verified`, with one part left out, and with noise: 15 minutes each."""
-    evaluate(PLAN.data, ROWS, str(PLAN.runs(0)), ("verified",), tasks=PLAN.tasks)
-    evaluate(PLAN.data, PARTS, str(PLAN.runs(0)), WITHOUT, tasks=PART_TASKS)
+    """`evaps evaluate --methods verified`, with one part left out, and with noise: 15 minutes each.
+
+    Then with models of less data, and with a larger budget: what is worth more?
+    """
+    runs, verified = PLAN.runs(0), ("verified",)
+    judge(PLAN, runs, verified, ROWS)
+    judge(replace(PLAN, tasks=PART_TASKS), runs, WITHOUT, PARTS)
     for share in (0.0, *NOISE):
-        path = NOISY / f"verified-{100 * share:.0f}.parquet"
-        path.parent.mkdir(exist_ok=True)
-        evaluate(PLAN.data, path, str(PLAN.runs(0)), ("verified",), tasks=NOISY_TASKS, noise=share)
+        noisy = NOISY / f"verified-{100 * share:.0f}.parquet"
+        judge(replace(PLAN, tasks=NOISY_TASKS), runs, verified, noisy, share)
+    for scale, path in LARGER_OR_LONGER.items():
+        models = make_models(replace(PLAN, scale=scale))
+        judge(replace(PLAN, tasks=COMPARED_TASKS), models, verified, path, actions=PATIENCE)
+
+
+def make_models(plan: Plan) -> Path:
+    """The folder of the checkpoints that the search uses, at a plan's scale."""
+    make_data(plan)
+    for method in needed_for("verified"):
+        make_checkpoint(plan, 0, method)
+    return plan.runs(0)
 
 
 def tables() -> str:
@@ -79,9 +97,7 @@ def make_tables() -> None:
 
 def main() -> None:
     """All steps in order; each goes on where it was interrupted."""
-    make_data(PLAN)
-    for method in needed_for("verified"):
-        make_checkpoint(PLAN, 0, method)
+    make_models(PLAN)
     make_rows()
     make_tables()
 

@@ -15,7 +15,7 @@ RIGHT = "DEF run m( MOVE_RIGHT ATTACK m)"
 def rows(method: str, ranks_that_match: Sequence[int | None], seed: int = 0) -> list[dict[str, Any]]:
     """Twenty candidates for each task, of which the one of the given rank matches in every way."""
     blank = dict(scale="test", commit="", weights="", evaluated_by="", machine="", dataset_seed=0, noise=0.0)
-    blank |= dict(trained_on=100)
+    blank |= dict(trained_on=100, budget=3_500)
     blank |= dict(steps=2, program=WRONG, pairs_passed=0, rounds=0, attempts=[])
     cost = dict(simulated_actions=10, seconds=1.0, semantic_frame=False, generalization_frame=False)
     return [

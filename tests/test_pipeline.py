@@ -1,7 +1,6 @@
 """From nothing to an answer: data, all trainings, evaluation and synthesis at the smoke scale."""
 
 import json
-import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -19,7 +18,6 @@ from evaps.models.checkpoint import CheckpointError
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import Workers
-from evaps.synthesis import Budget
 from evaps.tasks.dataset import Dataset, task_parts
 from evaps.tasks.frames import pack_frames, unpack_frames
 from evaps.train import train
@@ -29,6 +27,7 @@ ROOT = Path(__file__).parents[1]
 EVAPS = str(Path(sys.executable).with_name("evaps"))
 TIMES = ("seconds",)
 METHODS = ("lgrl", "evaps", "inferred-trace", "verified")
+ACTIONS = 150  # that a search may simulate
 TRAINED = ("lgrl", "lgrl-rl", "inferred-trace", "latent-execution", "evaps")
 
 pytestmark = pytest.mark.slow
@@ -123,15 +122,18 @@ def test_an_evaluation_is_the_same_again(data: Path, model: Path, tmp_path: Path
     tasks = 2
     paths = [
         evaluate(
-            data, tmp_path / f"{n}.parquet", str(model), METHODS, tasks=tasks, top_k=4, workers=Workers(n)
+            data, tmp_path / f"{n}.parquet", str(model), METHODS, "test", tasks, 4, workers=w, actions=600
         )
-        for n in (0, 1)
+        for n, w in enumerate((Workers(0), Workers(1)))
     ]
     one, two = (pq.read_table(path).drop_columns(TIMES).to_pylist() for path in paths)
     assert one == two
     for method in ("lgrl", "evaps", "inferred-trace"):
         assert sum(row["method"] == method for row in one) == 4 * tasks
-    assert len({row["task"] for row in one if row["method"] == "verified"}) == tasks
+    verified = [row for row in one if row["method"] == "verified"]
+    assert len({row["task"] for row in verified}) == tasks
+    assert all(row["budget"] == 600 for row in one)
+    assert max(row["simulated_actions"] for row in verified) < 1_200, "a search ends soon after its budget"
     assert not list(tmp_path.glob("*.parts*"))
     for row in one:
         assert row["generalization_state"] <= row["semantic_state"]
@@ -142,14 +144,11 @@ def test_an_evaluation_is_the_same_again(data: Path, model: Path, tmp_path: Path
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.1])
-def test_no_candidate_depends_on_what_methods_must_not_know(
-    data: Path, model: Path, monkeypatch: pytest.MonkeyPatch, noise: float
-) -> None:
+def test_no_candidate_depends_on_what_methods_must_not_know(data: Path, model: Path, noise: float) -> None:
     """Another hidden program, test scene, test goal, and other hidden states: byte for byte the same."""
-    monkeypatch.setattr("evaps.evaluate.BUDGET", Budget(actions=150, seconds=math.inf))
     dataset = Dataset(data)
     methods = (*METHODS, "lgrl-rl", "latent-execution", "enumeration", "blind") if not noise else METHODS
-    facts = {method: _facts(str(model), method, dataset, "test", noise) for method in methods}
+    facts = {method: _facts(str(model), method, dataset, "test", noise, ACTIONS) for method in methods}
     (part,) = task_parts(Path("none"), dataset, dataset.split("test")[:1], 1)
     part = part.loaded(dataset)
     row, frames = part.rows[0], list(unpack_frames(part.frames[0]))
@@ -160,7 +159,7 @@ def test_no_candidate_depends_on_what_methods_must_not_know(
     found = []
     for tasks in (part, other):
         robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS)
-        files = evaluate_part(robot, EvaluationPart(tasks, str(model), facts, 4, 2, noise))
+        files = evaluate_part(robot, EvaluationPart(tasks, str(model), facts, 4, 2, noise, ACTIONS))
         robot.close()
         table = pq.read_table(pa.BufferReader(files[tasks.path]))
         kept = ["method", "rank", "program", "pairs_passed", "rounds", "simulated_actions", "semantic_state"]

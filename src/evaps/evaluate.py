@@ -35,7 +35,6 @@ from evaps.tasks.parts import Files, make_parts
 from evaps.tasks.task import EXAMPLES, GoldTask
 
 PART = 25  # tasks in a part
-BUDGET = Budget(seconds=math.inf)  # what comes out must not depend on how busy the machine is
 ROBOT = replace(USUAL_ROBOT, spares=SPARES)
 
 ATTEMPT = pa.struct(
@@ -59,6 +58,7 @@ SCHEMA = pa.schema(
         "dataset_seed": pa.int64(),
         "split": pa.string(),
         "noise": pa.float32(),  # share of the pixels that were invalid
+        "budget": pa.int64(),  # actions that a search may simulate
         "task": pa.int64(),
         "steps": pa.int32(),
         "rank": pa.int32(),
@@ -111,6 +111,7 @@ class EvaluationPart:
     top_k: int
     rounds: int
     noise: float
+    actions: int
 
     @property
     def path(self) -> Path:
@@ -125,6 +126,7 @@ def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> Files:
     a task is judged only when all of them are done with it.
     """
     torch.set_num_threads(1)  # every worker has one core
+    budget = Budget(part.actions, math.inf)  # what comes out must not depend on how busy the machine is
     rows: list[dict[str, Any]] = []
     for gold in part.tasks.golds():
         solutions = {}
@@ -132,7 +134,7 @@ def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> Files:
         for method in part.facts:
             robot.forget()
             model = _model(part.model, method)
-            solutions[method] = solve(model, task, robot, part.top_k, part.rounds, BUDGET)
+            solutions[method] = solve(model, task, robot, part.top_k, part.rounds, budget)
         for method, solution in solutions.items():
             rows += _rows(solution, gold, robot, part.facts[method])
     return {part.path: rows_bytes(rows, SCHEMA)}
@@ -143,7 +145,9 @@ def _model(folder: str, method: str) -> Model:
     return load_model(folder, method)
 
 
-def _facts(model: str, method: str, dataset: Dataset, split: str, noise: float) -> dict[str, Any]:
+def _facts(
+    model: str, method: str, dataset: Dataset, split: str, noise: float, actions: int
+) -> dict[str, Any]:
     """What a row says of its making.
 
     Raises:
@@ -163,6 +167,7 @@ def _facts(model: str, method: str, dataset: Dataset, split: str, noise: float) 
         "dataset_seed": dataset.identity["seed"],
         "split": split,
         "noise": noise,
+        "budget": actions,
     }
 
 
@@ -209,6 +214,7 @@ def evaluate(
     rounds: int = 5,
     workers: Workers = TWO,
     noise: float = 0.0,
+    actions: int = CHOSEN.budget,
 ) -> Path:
     """Judge methods on the first tasks of a split, or go on where it was interrupted.
 
@@ -224,6 +230,7 @@ def evaluate(
         rounds: of repair.
         workers: who does it.
         noise: share of the pixels that are invalid in all that methods see.
+        actions: that a search may simulate for a task; nobody else looks at it.
 
     Raises:
         UserError: unknown method or split.
@@ -237,10 +244,10 @@ def evaluate(
     positions = dataset.split(split)[:tasks]
     if not positions:
         raise UserError(f"the data set has no task in the split {split!r}; generate a larger one")
-    facts = {method: _facts(model, method, dataset, split, noise) for method in methods}
+    facts = {method: _facts(model, method, dataset, split, noise, actions) for method in methods}
     folder = out.with_suffix(f".parts-{short_hash([dataset.identity, facts, positions, top_k, rounds])}")
     parts = [
-        EvaluationPart(part, model, facts, top_k, rounds, noise)
+        EvaluationPart(part, model, facts, top_k, rounds, noise, actions)
         for part in task_parts(folder, dataset, positions, PART)
     ]
 

@@ -41,6 +41,8 @@ class Evaluate(Command):
     """Candidates of a task."""
     rounds: int = 5
     """How often a candidate is repaired at most."""
+    actions: int = CHOSEN.budget
+    """How many actions a search may simulate for a task."""
     noise: float = 0.0
     """Share of the pixels that are invalid in all that methods see, from 0 to 1."""
     workers: int = field(default_factory=available_cores)
@@ -56,8 +58,8 @@ class Evaluate(Command):
         """Evaluate, with progress on standard error, and print the table."""
         if self.out.suffix != ".parquet":
             raise UserError(f"--out must end in .parquet, not {self.out.name!r}")
-        numbers = {"tasks": (self.tasks, 1), "top_k": (self.top_k, 1), "rounds": (self.rounds, 0)}
-        check_least(**numbers)
+        least = {"tasks": 1, "top_k": 1, "rounds": 0, "actions": 1}
+        check_least(**{name: (getattr(self, name), lowest) for name, lowest in least.items()})
         if not 0 <= self.noise < 1:
             raise UserError(f"--noise must be at least 0 and less than 1, not {self.noise}")
         workers = workers_from(self.workers, self.engine, self.address)
@@ -76,6 +78,7 @@ class Evaluate(Command):
             self.rounds,
             workers,
             self.noise,
+            self.actions,
         )
         if self.json:
             for values in summary_values(self.out):

@@ -119,10 +119,32 @@ def budget_table(rows: Path, method: str) -> str:
         *(("seconds", s, f"{s:g} s") for s in (0.2, 0.5, 1.0, 3.0, 10.0)),
     ]
     for key, limit, name in limits:
-        in_time = [row["pairs_passed"] == EXAMPLES and row[key] <= limit for row in answers]
-        right = [there and row["generalization_state"] for there, row in zip(in_time, answers, strict=True)]
-        lines.append(f"| {name} | {100 * np.mean(in_time):.1f} % | {100 * np.mean(right):.1f} % |")
+        lines.append(f"| {name} | {' | '.join(_shares_within(answers, key, limit))} |")
     return "\n".join(lines)
+
+
+def models_table(rows: Mapping[str, Path], method: str) -> str:
+    """Markdown: what larger models and larger budgets are worth to a search.
+
+    Args:
+        rows: files of the same tasks, by what is said of their models.
+        method: the search.
+    """
+    limits = (300, 1_000, 3_500, 14_000)
+    head = ["models", "tasks", *(f"{n:,} actions" for n in limits)]
+    lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
+    for name, path in rows.items():
+        answers = Results.read(path).first(method).answers()
+        cells = [" / ".join(_shares_within(answers, "simulated_actions", n)) for n in limits]
+        lines.append(f"| {' | '.join([name, str(len(answers)), *cells])} |")
+    return "\n".join(lines)
+
+
+def _shares_within(answers: Sequence[Mapping[str, Any]], key: str, limit: float) -> tuple[str, str]:
+    """Of the answers those that pass all five, and generalize, and have cost no more; in % of all."""
+    in_time = [row["pairs_passed"] == EXAMPLES and row[key] <= limit for row in answers]
+    right = [there and row["generalization_state"] for there, row in zip(in_time, answers, strict=True)]
+    return f"{100 * np.mean(in_time):.1f} %", f"{100 * np.mean(right):.1f} %"
 
 
 def confidence_table(rows: Path, method: str) -> str:
