@@ -25,7 +25,7 @@ from evaps.tasks.walks import Walks, generate_walks
 from evaps.train.loop import FitConfig, LossAt, Share, fit
 from evaps.train.run import Run
 
-HELD_OUT = 250  # walks that are only validated on
+HELD_OUT = 250  # walks that are only validated on; of few walks half
 MOST_NOISE = 0.2  # share of pixels that are dropped from half of the frames
 
 
@@ -49,6 +49,11 @@ def train_encoder(run: Run) -> Path:
         run.tensorboard,
     )
     return run.save(model.encoder, "encoder", config, metrics)
+
+
+def held_out(walks: int) -> int:
+    """How many of the walks, the first ones, are only validated on."""
+    return min(HELD_OUT, walks // 2)
 
 
 def find_walks(run: Run) -> Walks:
@@ -112,7 +117,8 @@ class WalkBatches:
     def at(self, step: int) -> npt.NDArray[np.int64]:
         """The walks of a step."""
         rng = np.random.default_rng([self.seed, step])
-        return rng.integers(HELD_OUT, len(self.walks.frames), self.size)
+        walks = len(self.walks.frames)
+        return rng.integers(held_out(walks), walks, self.size)
 
     def noisy_frames(self, step: int, share: Share) -> Tensor:
         """The frames of a step, with dropped pixels."""
@@ -167,7 +173,8 @@ def validate(model: TransitionModel, batches: WalkBatches) -> Callable[[], dict[
 
 
 def _validation_batches(model: TransitionModel, batches: WalkBatches) -> Iterator[dict[str, float]]:
-    for start in range(0, HELD_OUT, batches.size):
-        rows = np.arange(start, min(start + batches.size, HELD_OUT))
+    end = held_out(len(batches.walks.frames))
+    for start in range(0, end, batches.size):
+        rows = np.arange(start, min(start + batches.size, end))
         loss, metrics = batch_loss(model, batches.walks, rows, batches.frames(rows))
         yield {"loss": loss.item(), **metrics}

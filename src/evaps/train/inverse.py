@@ -21,7 +21,7 @@ from evaps.tasks.frames import unpack_frames
 from evaps.tasks.identity import short_hash
 from evaps.tasks.progress import track
 from evaps.tasks.walks import Walks
-from evaps.train.encoder import HELD_OUT, find_walks
+from evaps.train.encoder import find_walks, held_out
 from evaps.train.loop import FitConfig, Share, fit
 from evaps.train.run import Run
 
@@ -48,10 +48,10 @@ def train_inverse(run: Run) -> Path:
 
     def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
         rng = np.random.default_rng([run.seed, 5, step])
-        return loss_on(share.of(rng.integers(HELD_OUT, len(features), BATCH)))[0], {}
+        return loss_on(share.of(rng.integers(held_out(len(features)), len(features), BATCH)))[0], {}
 
     def validate() -> dict[str, float]:
-        loss, right = loss_on(np.arange(min(HELD_OUT, len(features))))
+        loss, right = loss_on(np.arange(held_out(len(features))))
         return {"loss": loss.item(), "right": right.float().mean().item()}
 
     made_from = run.made_from(model, "encoder")

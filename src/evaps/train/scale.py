@@ -56,7 +56,7 @@ class Scale:
 SCALES = {
     "smoke": Scale(
         tasks=40,
-        walks=500,
+        walks=100,
         task_walks=0,
         encoder_steps=4,
         encoder_batch=8,
