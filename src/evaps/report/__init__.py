@@ -87,7 +87,7 @@ def _make(name: str, rows: Path, results: Callable[[], Results]) -> Item | list[
 
 def _write(name: str, made: Item | list[Table], out: Path) -> list[Path]:
     if isinstance(made, Figure):
-        files = {f"{name}.{kind}": made.draw(kind) for kind in ("png", "svg")}
+        files = {f"{name}.{kind}": content for kind, content in made.draw().items()}
     else:
         made = made if isinstance(made, list) else [made]
         texts = {

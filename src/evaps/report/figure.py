@@ -45,8 +45,8 @@ class Figure:
     log: bool = False
     share_y: bool = True
 
-    def draw(self, kind: str) -> bytes:
-        """The picture as ``"png"`` or ``"svg"``.
+    def draw(self) -> dict[str, bytes]:
+        """The picture as ``"png"`` and as ``"svg"``.
 
         Raises:
             UserError: there is no matplotlib.
@@ -68,9 +68,11 @@ class Figure:
                 ax.set_visible(False)
             names = list(dict.fromkeys(name for lines in self.panels.values() for name in lines))
             canvas.legend(names, loc="outside lower center", ncols=min(4, len(names)), frameon=False)
-            out = io.BytesIO()
-            canvas.savefig(out, format=kind, dpi=160, metadata={"Date": None} if kind == "svg" else None)
-        return out.getvalue()
+            png, svg = io.BytesIO(), io.BytesIO()
+            canvas.savefig(png, format="png", dpi=160)
+            canvas.set_layout_engine("none")  # what was laid out stays where it is
+            canvas.savefig(svg, format="svg", metadata={"Date": None})
+        return {"png": png.getvalue(), "svg": svg.getvalue()}
 
     def _panel(self, ax: Any, title: str, lines: Mapping[str, Line]) -> None:
         names = list(dict.fromkeys(name for panel in self.panels.values() for name in panel))
