@@ -129,6 +129,8 @@ def test_what_is_wrong_is_one_line(
     [
         ({"Host": "evil.example"}, 421),
         ({"Host": "evil.example:80"}, 421),
+        ({"Host": "evil@localhost"}, 421),
+        ({"Host": "localhost/evil"}, 421),
         ({"Origin": "http://evil.example"}, 403),
         ({"Origin": "null"}, 403),
         ({"Content-Length": str(MOST_BYTES + 1)}, 413),

@@ -14,6 +14,8 @@ import pytest
 from engine_processes import find_engines
 from playwright.sync_api import Page, Route, expect, sync_playwright
 
+from evaps.dsl.interpreter import Limits
+
 from .conftest import TASKS
 
 CHROMIUM = shutil.which("chromium")
@@ -240,6 +242,64 @@ def test_what_is_driven_while_a_scene_is_on_its_way_is_driven_in_that_scene(page
     expect(page.locator("#time-text")).to_have_text("2 of 2")
     expect(page.locator("#driven")).to_have_text("turn left, turn left")
     page.unroute("**/api/random-scene")
+
+
+def test_space_presses_the_button_that_has_the_focus(page: Page) -> None:
+    page.get_by_role("button", name="Start again").click()
+    page.get_by_role("button", name="turn left", exact=True).focus()
+    page.keyboard.press("Space")
+    expect(page.locator("#driven")).to_have_text("turn left")
+    page.keyboard.press("f")
+    expect(page.locator("#driven")).to_have_text("turn left, shoot")
+
+
+def test_what_is_driven_is_kept_where_it_was_driven(page: Page) -> None:
+    keep = page.get_by_role("button", name="Keep this as an example")
+    page.get_by_role("button", name="Start anew").click()
+    expect(keep).to_be_enabled()
+    page.get_by_role("tab", name="Program").click()
+    expect(keep).to_be_disabled()
+    page.get_by_role("tab", name="Drive").click()
+    expect(keep).to_be_enabled()
+
+
+def test_one_action_too_many_is_refused(page: Page) -> None:
+    page.get_by_role("button", name="Start again").click()
+    most = Limits().actions
+    for _ in range(most + 1):
+        page.get_by_role("button", name="turn left", exact=True).click()
+    expect(page.locator("#message")).to_contain_text(f"{most} actions are the most")
+    expect(page.locator("#time-text")).to_have_text(f"{most} of {most}")
+    expect(page.get_by_role("button", name="Keep this as an example")).to_be_enabled()
+
+
+def test_nothing_is_searched_for_while_other_examples_are_on_their_way(page: Page) -> None:
+    held: list[Route] = []
+    page.get_by_role("button", name="Random test task").click()
+    expect(page.get_by_role("button", name="Synthesize")).to_be_enabled()
+    page.route("**/api/random-task", lambda route: held.append(route))
+    with page.expect_request("**/api/random-task"):
+        page.get_by_role("button", name="Random test task").click()
+    for name in ("Synthesize", "Start anew", "Save the task"):
+        expect(page.get_by_role("button", name=name)).to_be_disabled()
+    held[0].continue_()
+    expect(page.get_by_role("button", name="Synthesize")).to_be_enabled()
+    page.unroute("**/api/random-task")
+
+
+def test_the_focus_goes_to_what_comes_next(page: Page) -> None:
+    """A button that cannot be pressed any longer loses it, and Tab would begin at the top of the page."""
+    page.get_by_role("button", name="Start anew").click()
+    page.get_by_role("tab", name="Drive").click()
+    page.get_by_role("button", name="Start again").click()
+    page.get_by_role("button", name="turn left", exact=True).click()
+    expect(page.locator("#time-text")).to_have_text("1 of 1")
+    for _ in range(5):
+        page.get_by_role("button", name="Keep this as an example").press("Enter")
+    expect(page.get_by_role("button", name="Synthesize")).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(page.locator("#verdict")).to_be_focused(timeout=6 * SECONDS)
+    expect(page.locator("#verdict")).to_contain_text("It reaches all five goals")
 
 
 def test_a_search_is_stopped(page: Page) -> None:

@@ -140,15 +140,15 @@ def create_app(
 
     @app.post("/api/stop/{job}")
     def stop(job: str) -> dict[str, bool]:
-        searches.stop(job)
-        return {"stopped": True}
+        return {"stopped": searches.stop(job)}
 
     @app.get("/api/report/{job}")
     def report(job: str) -> HTMLResponse:
-        if job not in searches.pages:
+        content = searches.pages.get(job)
+        if content is None:
             raise HTTPException(404, "this report is not kept any longer; run the search again")
         policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
-        return HTMLResponse(searches.pages[job], headers={"Content-Security-Policy": policy})
+        return HTMLResponse(content, headers={"Content-Security-Policy": policy})
 
     return app
 

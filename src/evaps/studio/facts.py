@@ -18,11 +18,11 @@ DOOM_KEYS = {
     "a": ("MOVE_LEFT", "left"),
     "s": ("MOVE_BACKWARD", "back"),
     "d": ("MOVE_RIGHT", "right"),
-    " ": ("ATTACK", "shoot"),
+    "f": ("ATTACK", "shoot"),
 }
 
 KEYS = "123456789" + ascii_lowercase
-"""Of other domains, in the order of the actions."""
+"""Of other domains, in the order of the actions; further ones have buttons only."""
 
 
 def facts_of(here: World) -> dict[str, Any]:
@@ -31,7 +31,7 @@ def facts_of(here: World) -> dict[str, Any]:
     keys = [(key, action) for key, (action, _) in DOOM_KEYS.items()]
     words = dict(DOOM_KEYS.values())
     if CHOSEN is not DOOM:
-        keys = list(zip(KEYS, ACTIONS, strict=False))
+        keys = [(KEYS[i : i + 1], action) for i, action in enumerate(ACTIONS)]
         words = {action: _read_aloud(action) for action in ACTIONS}
     actions = {action: f"{CHOSEN.spelt(action)}()" for action in ACTIONS}
     conditions = [p.python for p in PERCEPTIONS]

@@ -62,9 +62,9 @@ class TaskForm(Form):
     @field_validator("name")
     @classmethod
     def _can_be_a_folder(cls, name: str) -> str:
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9 _-]{0,60}", name):
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9 _-]{0,59}", name):
             raise ValueError(
-                "begin with a letter or digit; then at most 60 letters, digits, spaces, hyphens, underscores"
+                "begin with a letter or digit; at most 60 letters, digits, spaces, hyphens and underscores"
             )
         return name
 

@@ -11,6 +11,7 @@ from fastapi import FastAPI, Request, Response
 from fastapi.responses import JSONResponse
 
 MOST_BYTES = 2_000_000  # of a request: ten goal pictures and some text
+SCHEMES = ("http", "https")  # the second if something before the studio speaks it
 POLICY = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'"
 
 
@@ -23,14 +24,15 @@ def guard(app: FastAPI, hosts: Collection[str], everywhere: bool = False) -> Non
         everywhere: whether it may be called by any address, too, and by the machine's name: a page that turns
             a name of its own into this address comes with that name.
     """
+    names = {name.lower() for name in hosts}
 
     @app.middleware("http")
     async def check(request: Request, go_on: Callable[[Request], Awaitable[Response]]) -> Response:
-        host = _name(f"//{request.headers.get('host', '')}")
-        if host not in hosts and not (everywhere and (_is_address(host) or host == gethostname().lower())):
+        host = _name(request.headers.get("host", ""))
+        if host not in names and not (everywhere and (_is_address(host) or host == gethostname().lower())):
             return _refused(421, f"this server is not called {host!r}")
-        origin = request.headers.get("origin")
-        if origin is not None and origin.partition("://")[2] != request.headers["host"]:
+        own = {f"{scheme}://{request.headers['host']}" for scheme in SCHEMES}
+        if request.headers.get("origin") not in {None, *own}:
             return _refused(403, "only pages of this server may ask for this")
         if request.method == "POST":
             size = request.headers.get("content-length", "")
@@ -43,9 +45,11 @@ def guard(app: FastAPI, hosts: Collection[str], everywhere: bool = False) -> Non
         return response
 
 
-def _name(url: str) -> str:
+def _name(host: str) -> str:
+    """The name in a Host header, without the port; nothing if it is more than name and port."""
     try:
-        return urlsplit(url).hostname or ""
+        parts = urlsplit(f"//{host}")
+        return (parts.hostname or "") if parts.netloc == host and "@" not in host else ""
     except ValueError:
         return ""
 

@@ -65,19 +65,26 @@ class Searches:
         """Start a search.
 
         Raises:
-            EngineError: there is one already.
+            EngineError: there is one already, or the machine has no room for it.
         """
         if not self._busy.acquire(blocking=False):
             raise EngineError("another search is under way; stop it first, or wait until it ends")
         self._job = job = Job()
-        Thread(target=self._work, args=(job, model, task, budget), daemon=True).start()
+        try:
+            Thread(target=self._work, args=(job, model, task, budget), daemon=True).start()
+        except RuntimeError as error:
+            self._job = None
+            self._busy.release()
+            raise EngineError(f"the search cannot be started: {error}") from error
         return job
 
-    def stop(self, job: str) -> None:
-        """Ask a search to end; one that has ended already is no error."""
+    def stop(self, job: str) -> bool:
+        """Ask a search to end; whether it was under way."""
         current = self._job
-        if current is not None and current.id == job:
-            current.stopped.set()
+        if current is None or current.id != job:
+            return False
+        current.stopped.set()
+        return True
 
     def interrupt(self) -> None:
         """Ask whatever is under way to end."""

@@ -24,6 +24,7 @@ const across = (x) => (x - facts.arena.x[0]) * scale();
 const down = (y) => (facts.arena.y[1] - y) * scale();
 const shift = (place) => `translate(${across(place.x)} ${down(place.y)})`;
 const radius = (kind) => (facts.radii[kind] ?? facts.radii.robot) * scale(); // in the picture
+const reach = (kind) => Math.max(radius(kind), Math.min(24, facts.grid ? (facts.grid / 2) * scale() : 24)); // of a finger
 const step = () => Math.max(1, Math.round(span(facts.arena.x) / 80)); // a key press, in units of the world
 
 export function drawMap(keep) {
@@ -46,7 +47,7 @@ export function drawMap(keep) {
     const gone = changes && alike(state.scene.things.slice(0, index), thing) >= alike(now.things, thing);
     const group = item(map, thing, `${thing.kind} ${index + 1}`, gone);
     body(thing.kind, group);
-    shape("circle", { class: "hit", r: Math.max(24, radius(thing.kind)) }, group);
+    shape("circle", { class: "hit", r: reach(thing.kind) }, group);
     shape("title", {}, group).textContent = thing.kind;
     const number = changes ? alike(now.things, thing) : alike(state.scene.things, thing);
     const name = state.scene.things.length > FEW ? "" : thing.kind; // names must not cover their neighbours
@@ -61,7 +62,7 @@ export function drawMap(keep) {
   }
   const robot = item(map, state.scene.robot, `The robot, heading ${state.scene.robot.heading} degrees`, false);
   shape("circle", { class: "body robot", r: radius("robot") }, robot);
-  shape("circle", { class: "hit", r: Math.max(24, radius("robot")) }, robot);
+  shape("circle", { class: "hit", r: reach("robot") }, robot);
   const angle = (state.scene.robot.heading * Math.PI) / 180;
   shape("line", { x2: (radius("robot") + 24) * Math.cos(angle), y2: -(radius("robot") + 24) * Math.sin(angle), stroke: "var(--accent)", "stroke-width": 6 }, robot);
   oneTabStop([...map.querySelectorAll(".thing")]);
@@ -147,13 +148,16 @@ function drag(event, place) {
   const [map, group] = [$("map"), event.currentTarget];
   group.focus();
   const before = [place.x, place.y];
+  const other = (e) => e.pointerId !== event.pointerId; // a second finger
   const to = (e) => {
+    if (other(e)) return;
     const point = new DOMPoint(e.clientX, e.clientY).matrixTransform(map.getScreenCTM().inverse());
     move(place, point.x / scale() + facts.arena.x[0], facts.arena.y[1] - point.y / scale());
     group.setAttribute("transform", shift(place)); // a finger hears no more of what is drawn anew under it
   };
   const over = new AbortController();
-  const end = () => {
+  const end = (e) => {
+    if (other(e)) return;
     over.abort();
     if (place.x !== before[0] || place.y !== before[1]) moved();
   };

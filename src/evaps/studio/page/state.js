@@ -13,6 +13,7 @@ export const state = {
   run: null,       // what /api/run said of the current scene
   time: 0,
   examples: [],    // at most five: { scene, goal_rgb, goal_depth, first }
+  changing: false, // whether other examples are on their way
   job: null,       // the search that is under way
   budget: 0,       // how many actions it may simulate
 };

@@ -11,14 +11,14 @@ function say(text) {
   $("message").textContent = text ?? "";
 }
 
-/** A listener that says what went wrong, and lets a button be pressed once at a time. */
+/** A listener that says what went wrong, and lets a button be pressed once at a time; without an event, what was said stays. */
 function safely(action) {
   return async (event) => {
     const button = event?.currentTarget instanceof HTMLButtonElement ? event.currentTarget : null;
     if (button?.getAttribute("aria-busy")) return;
     button?.setAttribute("aria-busy", "true");
     try {
-      say(null);
+      if (event) say(null);
       await action(event);
     } catch (error) {
       say(error.message);
@@ -135,6 +135,11 @@ const drive = (action) => inTurn(async () => {
     enable();
     throw error;
   }
+  if (state.run?.halted === false) { // and so is one too many
+    state.driven.pop();
+    await refresh();
+    throw new Error(`${state.driven.length} actions are the most that a run can have`);
+  }
 });
 
 const undo = () => inTurn(async () => { state.driven.pop(); await refresh(); });
@@ -154,6 +159,7 @@ function choose(name) {
     $(tab).hidden = !chosen;
   }
   state.byHand = name === "drive";
+  enable();
 }
 
 let checking;
@@ -173,6 +179,18 @@ const runProgram = () => inTurn(async () => {
   await refresh(false);
   $("code-error").textContent = "";
 });
+
+/** While other examples are on their way, nothing can be done with those that are there. */
+async function replaceExamples(work) {
+  state.changing = true;
+  enable();
+  try {
+    await work();
+  } finally {
+    state.changing = false;
+    enable();
+  }
+}
 
 async function makeFive() {
   const text = $("code").value;
@@ -249,12 +267,19 @@ function remembered() {
 function enable() {
   const full = state.examples.length >= facts.examples;
   const current = state.run !== null && state.run.program === program();
-  const searching = state.job !== null; // what it searches for has to stay as it is
-  $("keep").disabled = full || !current || state.run.halted === false || searching;
-  $("save").disabled = !full;
-  for (const id of ["five", "clear", "tasks", "random-task"]) $(id).disabled = searching;
-  for (const remove of document.querySelectorAll("button.remove")) remove.disabled = searching;
-  $("synthesize").disabled = !full || searching;
+  const fixed = state.job !== null || state.changing; // what is searched for has to stay as it is
+  $("keep").disabled = full || !current || state.run.halted === false || fixed;
+  $("save").disabled = !full || state.changing;
+  for (const id of ["five", "clear", "tasks", "random-task"]) $(id).disabled = fixed;
+  for (const remove of document.querySelectorAll("button.remove")) remove.disabled = fixed;
+  $("synthesize").disabled = !full || fixed;
+}
+
+/** Where the focus goes, if what had it cannot have it any longer. */
+function refocus(...ids) {
+  const at = document.activeElement;
+  if (at && at !== document.body && !at.disabled && at.offsetParent !== null) return;
+  ids.map($).find((element) => !element.disabled && element.offsetParent !== null)?.focus();
 }
 
 function picture(source, caption, index) {
@@ -287,7 +312,7 @@ const go = (index) => inTurn(async () => {
 
 async function load(task) {
   state.examples = task.examples;
-  $("task-name").value = task.name;
+  $("task-name").value = task.name.replace(/[^A-Za-z0-9 _-]+/g, "-").replace(/^[^A-Za-z0-9]+/, "").slice(0, 60) || "task";
   forgetAnswer();
   drawExamples();
   for (const example of state.examples) {
@@ -308,8 +333,10 @@ async function save() {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(content);
   link.download = `${$("task-name").value}.zip`;
+  document.body.append(link);
   link.click();
-  URL.revokeObjectURL(link.href);
+  link.remove();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000); // some browsers begin to read it late
 }
 
 // --- synthesis ----------------------------------------------------------------------------------------------
@@ -317,6 +344,7 @@ async function save() {
 /** It was for other examples. */
 function forgetAnswer() {
   $("log").replaceChildren();
+  $("verdict").textContent = "";
   $("result").hidden = true;
   $("progress").textContent = "";
 }
@@ -344,6 +372,7 @@ async function synthesize() {
     state.job = null;
     $("stop").hidden = true;
     enable();
+    refocus("verdict", "synthesize");
   }
 }
 
@@ -352,6 +381,7 @@ function hear(line) {
   if (line.job) {
     state.job = line.job;
     $("stop").hidden = false;
+    refocus("stop");
   }
   if (line.news) {
     const passed = line.passed.filter(Boolean).length;
@@ -404,10 +434,11 @@ function listen() {
   on("undo", undo);
   on("restart", restart);
   on("run", runProgram);
-  on("five", makeFive);
-  on("keep", () => { state.examples.push(exampleOf(state.scene, state.run)); forgetAnswer(); drawExamples(); });
-  on("tasks", async () => { if ($("tasks").value) await load(await askJson(`api/tasks/${encodeURIComponent($("tasks").value)}`)); }, "change");
-  on("random-task", async () => { await load(await askJson("api/random-task", {})); });
+  on("five", () => replaceExamples(makeFive));
+  on("keep", () => { state.examples.push(exampleOf(state.scene, state.run)); forgetAnswer(); drawExamples(); refocus("synthesize"); });
+  const chosen = () => `api/tasks/${encodeURIComponent($("tasks").value)}`;
+  on("tasks", () => $("tasks").value && replaceExamples(async () => load(await askJson(chosen()))), "change");
+  on("random-task", () => replaceExamples(async () => load(await askJson("api/random-task", {}))));
   on("save", save);
   on("message", () => {});
   on("clear", () => { state.examples = []; forgetAnswer(); drawExamples(); });
@@ -427,7 +458,7 @@ function listen() {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.key === "Backspace") { event.preventDefault(); await undo(); return; }
     const action = keys[event.key.toLowerCase()];
-    if (!action || (event.key === " " && event.target.id !== "")) return; // space presses other buttons
+    if (!action) return;
     event.preventDefault();
     await drive(action);
   }));
@@ -438,7 +469,7 @@ async function begin() {
   state.scene = facts.scene;
   state.examples = remembered();
   keys = Object.fromEntries(facts.keys);
-  $("known-keys").textContent = facts.keys.map(([key, action]) => `${key === " " ? "Space" : key.toUpperCase()} ${facts.words[action]}`).join(", ");
+  $("known-keys").textContent = facts.keys.filter(([key]) => key).map(([key, action]) => `${key.toUpperCase()} ${facts.words[action]}`).join(", ");
   $("palette").append(...facts.kinds.map((kind) => {
     const made = button(`+ ${kind} `, () => add(kind));
     const colour = shape("svg", { viewBox: "0 0 10 10", width: 12, height: 12, "aria-hidden": true });
@@ -448,7 +479,7 @@ async function begin() {
   }));
   $("buttons").append(...facts.keys.map(([, action]) => {
     const made = button(facts.words[action], () => {});
-    made.addEventListener("click", () => { safely(() => drive(action))(); }); // as often as it is pressed
+    made.addEventListener("click", () => { safely(() => drive(action))({}); }); // as often as it is pressed
     return made;
   }));
   $("known-actions").textContent = Object.values(facts.calls.actions).join(" ");
