@@ -256,6 +256,9 @@ def test_space_presses_the_button_that_has_the_focus(page: Page) -> None:
 def test_what_is_driven_is_kept_where_it_was_driven(page: Page) -> None:
     keep = page.get_by_role("button", name="Keep this as an example")
     page.get_by_role("button", name="Start anew").click()
+    page.get_by_role("tab", name="Program").click()
+    page.locator("#code").fill("def run():\n    move_left()\n")
+    page.get_by_role("tab", name="Drive").click()
     expect(keep).to_be_enabled()
     page.get_by_role("tab", name="Program").click()
     expect(keep).to_be_disabled()
