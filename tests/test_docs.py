@@ -75,6 +75,23 @@ def test_the_shell_completes_as_the_page_says(tmp_path: Path) -> None:
     assert "evaps" in done.stdout
 
 
+def test_what_the_shell_shows_of_an_option_is_one_line(tmp_path: Path) -> None:
+    """It would take a second line for another option."""
+    script = tmp_path / "evaps"
+    subprocess.run([EVAPS, "--tyro-write-completion", "bash", script], check=True)
+    asked = (
+        f"source {script}; complete -p evaps; COMP_WORDS=(evaps synthesize --); COMP_CWORD=2; _tyro_evaps; "
+        'printf "%s\\n" "${COMPREPLY[@]}"'
+    )
+    told = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, check=True).stdout
+    options = told.splitlines()[1:]
+    assert "--method" in options
+    assert all(option.startswith("-") for option in options)
+    specification = re.search(r"^COMPLETION_SPEC = (.*)$", script.read_text(), re.MULTILINE)
+    assert specification is not None
+    assert "\\n" not in specification[1]
+
+
 @pytest.mark.slow
 def test_the_first_page_can_be_followed(tmp_path: Path) -> None:
     page = (ROOT / "docs" / "index.md").read_text()

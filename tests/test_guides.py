@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import re
 import shutil
@@ -12,19 +13,36 @@ from pathlib import Path
 import pytest
 from commands import EVAPS
 
+from evaps.models import SHIPPED
+
 ROOT = Path(__file__).parents[1]
+NOT_HERE = ("evaps studio", "evaps bench")
+"""The one does not end, the other takes minutes; both have tests of their own."""
+
 SMALLER = {
     "--tasks 20000": "--tasks 20 --workers 0",
-    "evaps train mean": "evaps train mean --scale smoke --workers 0",
+    "--tasks 1000\n": "--tasks 1 --workers 0\n",
+    "--tasks 100000": "--tasks 20",
+    "--tasks 2000 --seed 0": "--tasks 60 --seed 0 --workers 0",
+    "--tasks 5\n": "--tasks 1 --workers 0 --actions 200\n",
     "--methods mean lgrl": "--methods mean lgrl --tasks 1 --workers 0",
-    "--tasks 1000": "--tasks 1 --workers 0",
+    "--methods lgrl evaps": "--methods lgrl evaps --tasks 1 --workers 0",
+    "--out rows.parquet": "--out rows.parquet --tasks 1 --methods lgrl",
+    "--workers 64 --address HEAD:6379": "--workers 1",
+    "evaps train mean": "evaps train mean --scale smoke --workers 0",
+    "evaps train lgrl --data data/small": "evaps train lgrl --scale smoke --workers 0 --data data/small",
+    "evaps train evaps": "evaps train evaps --scale smoke --workers 0",
+    "evaps train encoder --data data/small": "evaps train encoder --scale smoke --data data/small",
+    "--scale smoke\n": "--scale smoke --workers 0\n",
+    "report all --rows results": f"report effects --rows {ROOT}/results",
 }
+"""What stands in the pages, and what is run instead."""
 
 pytestmark = pytest.mark.slow
 
 
 def blocks(page: str, language: str) -> list[str]:
-    """The code blocks of a page."""
+    """The code blocks of a page of the documentation, or of ../README.md."""
     text = (ROOT / "docs" / page).read_text()
     return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
 
@@ -44,6 +62,7 @@ def install(folder: Path, toml: str, *modules: str) -> Path:
 
 def follow(commands: str, folder: Path, site: Path, **variables: str) -> str:
     """Run a page's commands in a shell; what they print."""
+    commands = "\n".join(line for line in commands.splitlines() if not line.startswith(NOT_HERE)) + "\n"
     for old, new in SMALLER.items():
         commands = commands.replace(old, new)
     path = f"{EVAPS.parent}:{os.environ['PATH']}"
@@ -67,11 +86,40 @@ def test_a_method_of_ones_own_is_trained_judged_and_reported(tmp_path: Path) -> 
 
 
 def test_a_package_with_a_domain_is_installed_and_found(tmp_path: Path) -> None:
-    """What comes after that is tried in test_domains.py."""
     site = install(tmp_path, *blocks("own-robot.md", "toml"), "own_domain.py", "own_world.py")
     (tmp_path / "clean.py").write_text(blocks("own-robot.md", "")[0])
     told = follow("evaps export --program clean.py", tmp_path, site, EVAPS_DOMAIN="vacuum")
     assert "suck" in told
+    vacuum, _ = blocks("own-robot.md", "sh")  # Karel's is the same, and test_domains.py has its commands
+    assert "verified synthesis" in follow(vacuum, tmp_path, site)
+    assert (tmp_path / "runs" / "vacuum" / "lgrl" / "model.safetensors").exists()
+
+
+def test_the_commands_of_the_readme_and_of_what_it_leads_to_run(tmp_path: Path) -> None:
+    """In the order in which they are met: README, methods, data."""
+    program, _ = blocks("index.md", "python")
+    scene, five = blocks("index.md", "json")
+    for name, text in (("program.py", program), ("scene.json", scene), ("five.json", five)):
+        (tmp_path / name).write_text(text)
+    shipped = tmp_path / "runs" / "small"
+    shutil.copytree(SHIPPED / "small", shipped)
+    shutil.rmtree(shipped / "encoder")
+    _, commands = blocks("../README.md", "sh")
+    told = follow(
+        commands.replace("evaps evaluate", f"cp -r {SHIPPED}/small runs; evaps evaluate"), tmp_path, tmp_path
+    )
+    assert "| LGRL | " in told
+    assert (tmp_path / "run.gif").exists()
+    for method in ("lgrl", "evaps"):
+        shutil.rmtree(shipped / method)
+    told = "".join(follow(block, tmp_path, tmp_path) for block in blocks("methods.md", "sh"))
+    assert "| EVAPS | " in told
+    told = "".join(follow(block, tmp_path, tmp_path) for block in blocks("data.md", "sh"))
+    assert (tmp_path / "data" / "paper" / "tasks.parquet").exists()
+    for code in blocks("data.md", "python"):
+        modules = re.findall(r"(?:^import|,) (\w+)", code, re.MULTILINE)
+        if all(importlib.util.find_spec(module) for module in modules):
+            follow(f"python3 - <<'END'\n{code}END", tmp_path, tmp_path)
 
 
 def test_the_robots_page_shows_how_to_act() -> None:

@@ -17,7 +17,7 @@ EXTRAS = {
     "report": ("matplotlib", "figures of `evaps report`"),
     "cluster": ("ray", "--engine ray"),
     "track": ("tensorboard", "--tensorboard"),
-    "viewer": ("fastapi", "`evaps studio`"),
+    "viewer": ("fastapi uvicorn", "`evaps studio`"),
     "hub": ("huggingface_hub", "--model hub:OWNER/NAME"),
 }
 LEAST_MEMORY = 4 << 30  # bytes for a synthesis with its five engines
@@ -52,12 +52,13 @@ def examine() -> Iterator[Finding]:
     robot = _engine if CHOSEN is DOOM else _world
     for look in (_libraries, _torch, robot, _checkpoints, _cores, _memory, _disk):
         yield _guarded(look)
-    for extra, (module, what) in EXTRAS.items():
-        if find_spec(module) is None:
-            missing = f"missing: {what} needs it; try: pip install 'evaps[{extra}]'"
-            yield Finding(f"extra {extra}", missing, well=False, needed=False)
+    for extra, (modules, what) in EXTRAS.items():
+        if missing := [module for module in modules.split() if find_spec(module) is None]:
+            told = f"{missing[0]} is missing: {what} needs it; try: pip install 'evaps[{extra}]'"
+            yield Finding(f"extra {extra}", told, well=False, needed=False)
         else:
-            yield Finding(f"extra {extra}", f"{module} {_version(module)}", needed=False)
+            found = ", ".join(f"{module} {_version(module)}" for module in modules.split())
+            yield Finding(f"extra {extra}", found, needed=False)
 
 
 def _guarded(look: Callable[[], Finding]) -> Finding:

@@ -23,7 +23,7 @@ class Failure(Exception):  # noqa: N818 - a job's honest end
 class Command(ABC):
     """A command: a frozen dataclass whose fields are its options and whose docstrings are its help.
 
-    It loads what is heavy (torch, the engine) in :meth:`run`, so that the help is quick.
+    It loads what is heavy (torch, the engine) in `run`, so that the help is quick.
     """
 
     stopped: ClassVar[str] = "stopped"

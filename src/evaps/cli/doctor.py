@@ -28,7 +28,7 @@ class Doctor(Command):
                 print(json.dumps(vars(finding)), flush=True)
             else:
                 mark = "ok  " if finding.well else "FAIL" if finding.needed else "--  "
-                print(f"{mark} {finding.what:14} {finding.found}", flush=True)
+                print(f"{mark} {finding.what:19} {finding.found}", flush=True)
             if finding.needed and not finding.well:
                 sick.append(finding.what)
         if sick:

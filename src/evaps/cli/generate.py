@@ -35,8 +35,7 @@ class Generate(Command):
     address: Annotated[str | None, arg(metavar="ADDRESS")] = None
     """Of a running Ray cluster; else RAY_ADDRESS, else one is started on this machine."""
     shard: Annotated[str, arg(metavar="I/N")] = "1/1"
-    """Make the I-th of N shares of the parts, for several machines. Copy the parts and frames of all shares
-    into one folder and generate once more without this: that makes what is missing and joins them."""
+    """The I-th of N shares, for several machines; all in one folder are joined by once more without this."""
     no_frames: bool = False
     """Leave out the first and last observations; `evaps render` makes them later."""
     json: bool = False

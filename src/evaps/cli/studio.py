@@ -74,4 +74,6 @@ def _listen(host: str, port: int) -> socket.socket:
         family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         return socket.create_server(address[:2], family=family)
     except (OSError, UnicodeError) as error:
-        raise UserError(f"cannot listen on {host}, port {port}: {error}; try another --port") from error
+        raise UserError(
+            f"cannot listen on {host}, port {port}: {error}; try another --host or --port"
+        ) from error

@@ -40,9 +40,7 @@ class Synthesize(Command):
     tasks: Annotated[Positional[tuple[Path, ...]], arg(help_behavior_hint="(at least one)")]
     """Task folders."""
     method: str = "verified"
-    """verified; or evaps, the paper's own loop, which repairs the candidates of lgrl; or lgrl, these
-    candidates alone; or another method that was trained; or a synthesizer and who repairs its candidates,
-    as in transformer+evaps."""
+    """verified; evaps, the paper's loop on lgrl's candidates; lgrl, these alone; or, say, lgrl+naive."""
     model: str = CHOSEN.model
     """A shipped set of checkpoints, a folder of them from `evaps train`, or hub:OWNER/NAME."""
     top_k: int = 20
@@ -50,7 +48,7 @@ class Synthesize(Command):
     rounds: int = 5
     """How often a candidate is repaired at most; not for verified."""
     actions: int = CHOSEN.budget
-    """How many actions verified synthesis may simulate."""
+    """Actions that a search may simulate; what it has found is then explained and compared with some more."""
     seconds: float = 8.0
     """How long it may search; it may take a little longer."""
     seed: int = 0
@@ -64,8 +62,9 @@ class Synthesize(Command):
 
     def run(self) -> None:
         """Synthesize and show."""
-        check_least(top_k=(self.top_k, 1), rounds=(self.rounds, 0), actions=(self.actions, 1))
-        if self.seconds <= 0:
+        least = {"top_k": 1, "rounds": 0, "actions": 1, "seed": 0}
+        check_least(**{name: (getattr(self, name), lowest) for name, lowest in least.items()})
+        if not self.seconds > 0:  # nor is nan
             raise UserError(f"--seconds must be more than 0, not {self.seconds}")
         if not self.tasks:
             raise UserError("name at least one task folder, such as examples/tasks/*")
@@ -133,7 +132,7 @@ def shipped_tasks() -> list[Path]:
 
 
 def random_tasks(number: int) -> list[Task]:
-    """Test tasks of the first seeds; see :func:`evaps.tasks.generate.unseen_task`."""
+    """Test tasks of the first seeds; see `evaps.tasks.generate.unseen_task`."""
     from evaps.robots.world import world
     from evaps.tasks.generate import unseen_task
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from xml.etree import ElementTree as Xml
 
+from evaps.dsl.errors import UserError
 from evaps.dsl.nodes import Action, Body, Condition, If, IfElse, Not, Repeat, Statement, While
 from evaps.dsl.program import Program
 from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
@@ -25,8 +26,16 @@ def to_function(program: Program) -> str:
     """A Python module with a function ``run(robot)``, which does what the program does.
 
     It has no limits: a loop that does not end does not end.
+
+    Raises:
+        UserError: the program is nested deeper than Python can be.
     """
-    return HEAD + "".join(f"    {line}\n" for line in _lines(program.body))
+    try:
+        text = HEAD + "".join(f"    {line}\n" for line in _lines(program.body))
+        compile(text, "program", "exec")
+    except (SyntaxError, RecursionError, MemoryError) as error:
+        raise UserError("Python cannot nest as deep as this program does; try: --to behavior-tree") from error
+    return text
 
 
 def _lines(body: Body) -> Iterator[str]:

@@ -46,12 +46,14 @@ class Program:
     Token form (Sun et al., "Neural Program Synthesis from Diverse Demonstration Videos", 2018):
     ``DEF run m( WHILE c( not c( INTARGET Demon c) c) w( TURN_LEFT w) ATTACK m)``
 
-    Python form, of the same program::
+    Python form, of the same program:
 
-        def run():
-            while not in_target(Demon):
-                turn_left()
-            attack()
+    ```python
+    def run():
+        while not in_target(Demon):
+            turn_left()
+        attack()
+    ```
     """
 
     body: Body

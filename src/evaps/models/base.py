@@ -128,7 +128,7 @@ class Repairer(nn.Module, ABC):
 
     @abstractmethod
     def batch(self, executions: Sequence[Execution], targets: Sequence[Program], device: torch.device) -> Any:
-        """Executions, and the edits that lead to the targets, as tensors for :meth:`batch_loss`."""
+        """Executions, and the edits that lead to the targets, as tensors for `batch_loss`."""
 
     @abstractmethod
     def batch_loss(self, batch: Any, table: Float[Tensor, "row feature"]) -> Float[Tensor, ""]:

@@ -153,7 +153,7 @@ def beam_search(
 
     Args:
         model: the synthesizer, in evaluation mode.
-        features: what it is told of the tasks: see :meth:`Synthesizer.start`.
+        features: what it is told of the tasks: see `Synthesizer.start`.
         beam: how many hypotheses are kept, and at most how many programs come out.
         max_tokens: the longest program.
     """

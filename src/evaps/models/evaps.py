@@ -191,7 +191,7 @@ class Evaps(Repairer):
     def batch(
         self, executions: Sequence[Execution], targets: Sequence[Program], device: torch.device
     ) -> tuple[Batch, Any]:
-        """See :meth:`Repairer.batch`."""
+        """See `Repairer.batch`."""
         programs = [e.program for e in executions]
         return Batch.of(executions, device), self.edits.targets(programs, targets, device)
 
@@ -203,6 +203,6 @@ class Evaps(Repairer):
     def repairs(
         self, executions: Sequence[Execution], table: Float[Tensor, "row feature"], beam: int
     ) -> list[list[Program]]:
-        """See :meth:`Repairer.repairs`."""
+        """See `Repairer.repairs`."""
         memory = self(Batch.of(executions, table.device), table)[:, None]
         return self.edits.decode(memory, [e.program for e in executions], beam)

@@ -157,7 +157,7 @@ class InferredTrace(Synthesizer):
     def step(
         self, state: TraceState, tokens: Int[Tensor, " batch"] | None, rows: Int[Tensor, " batch"] | None
     ) -> tuple[Float[Tensor, "batch vocab"], TraceState]:
-        """One token further; see :meth:`Synthesizer.step`."""
+        """One token further; see `Synthesizer.step`."""
         if rows is not None:
             state = _select(state, rows)
         if tokens is None:
@@ -166,7 +166,7 @@ class InferredTrace(Synthesizer):
         return logits[:, 0], state
 
     def logits(self, ways: Ways, tokens: Int[Tensor, "batch time"]) -> Float[Tensor, "batch time vocab"]:
-        """See :meth:`Synthesizer.logits`."""
+        """See `Synthesizer.logits`."""
         return self._decode(self.start(ways), F.pad(tokens[:, :-1], (1, 0)))[0]
 
     def _decode(

@@ -88,7 +88,7 @@ class LatentExecution(Synthesizer):
     def step(
         self, state: LatentState, tokens: Int[Tensor, " batch"] | None, rows: Int[Tensor, " batch"] | None
     ) -> tuple[Float[Tensor, "batch vocab"], LatentState]:
-        """One token further; see :meth:`Synthesizer.step`."""
+        """One token further; see `Synthesizer.step`."""
         if rows is not None:
             state = _select(state, rows)
         if tokens is None:
@@ -130,7 +130,7 @@ class LatentExecution(Synthesizer):
     def logits(
         self, features: Features, tokens: Int[Tensor, "batch time"]
     ) -> Float[Tensor, "batch time vocab"]:
-        """See :meth:`Synthesizer.logits`."""
+        """See `Synthesizer.logits`."""
         return self._read(features, tokens)[0]
 
     def _read(

@@ -72,7 +72,7 @@ class LGRL(Synthesizer):
     def step(
         self, state: LGRLState, tokens: Int[Tensor, " batch"] | None, rows: Int[Tensor, " batch"] | None
     ) -> tuple[Float[Tensor, "batch vocab"], LGRLState]:
-        """One token further; see :meth:`Synthesizer.step`."""
+        """One token further; see `Synthesizer.step`."""
         if rows is not None:
             state = _select(state, rows)
         if tokens is None:
@@ -83,7 +83,7 @@ class LGRL(Synthesizer):
     def logits(
         self, features: Features, tokens: Int[Tensor, "batch time"]
     ) -> Float[Tensor, "batch time vocab"]:
-        """See :meth:`Synthesizer.logits`."""
+        """See `Synthesizer.logits`."""
         before = F.pad(tokens[:, :-1], (1, 0))
         return self._decode(self.start(features).pair, before, None)[0]
 

@@ -112,7 +112,7 @@ class SED(Repairer):
     def batch(
         self, executions: Sequence[Execution], targets: Sequence[Program], device: torch.device
     ) -> tuple[SEDBatch, Any]:
-        """See :meth:`Repairer.batch`."""
+        """See `Repairer.batch`."""
         programs = [e.program for e in executions]
         return SEDBatch.of(executions, device), self.edits.targets(programs, targets, device)
 
@@ -126,6 +126,6 @@ class SED(Repairer):
     def repairs(
         self, executions: Sequence[Execution], table: Float[Tensor, "row feature"], beam: int
     ) -> list[list[Program]]:
-        """See :meth:`Repairer.repairs`."""
+        """See `Repairer.repairs`."""
         memory = self(SEDBatch.of(executions, table.device), table)
         return self.edits.decode(memory, [e.program for e in executions], beam)

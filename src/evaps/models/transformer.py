@@ -81,7 +81,7 @@ class Transformer(Synthesizer):
         tokens: Int[Tensor, " batch"] | None,
         rows: Int[Tensor, " batch"] | None,
     ) -> tuple[Float[Tensor, "batch vocab"], TransformerState]:
-        """One token further; see :meth:`Synthesizer.step`."""
+        """One token further; see `Synthesizer.step`."""
         memory, before = state.memory, state.seen
         if rows is not None:
             memory, before = memory[rows], before[:, :, rows]
@@ -98,7 +98,7 @@ class Transformer(Synthesizer):
     def logits(
         self, features: Features, tokens: Int[Tensor, "batch time"]
     ) -> Float[Tensor, "batch time vocab"]:
-        """See :meth:`Synthesizer.logits`."""
+        """See `Synthesizer.logits`."""
         return self._decode(self.start(features).memory, F.pad(tokens[:, :-1], (1, 0)))
 
     def _decode(

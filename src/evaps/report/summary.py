@@ -40,7 +40,7 @@ def summary_table(rows: Path, beside_paper: bool = False) -> str:
 
 
 def summary_values(rows: Path) -> list[dict[str, Any]]:
-    """The same as :func:`summary_table` as JSON values: shares from 0 to 1, and means a task."""
+    """The same as `summary_table` as JSON values: shares from 0 to 1, and means a task."""
     return [
         {
             "method": run.method,

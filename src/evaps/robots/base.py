@@ -63,7 +63,7 @@ class Scene:
         return cls(robot, tuple(_thing(item, f"things[{i}]") for i, item in enumerate(value["things"])))
 
     def to_json(self) -> dict[str, Any]:
-        """The inverse of :meth:`from_json`."""
+        """The inverse of `from_json`."""
         return {
             "robot": {"x": self.robot.x, "y": self.robot.y, "heading": self.robot.heading},
             "things": [{"kind": t.kind, "x": t.x, "y": t.y} for t in self.things],
@@ -125,7 +125,7 @@ class WorldState:
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> WorldState:
-        """The inverse of :meth:`to_json`."""
+        """The inverse of `to_json`."""
         things = tuple(ThingState(t["kind"], t["alive"], t["x"], t["y"]) for t in value["things"])
         return cls(Pose(value["x"], value["y"], value["heading"]), value["ammo"], value["health"], things)
 
@@ -180,7 +180,7 @@ class Robot(ABC):
 def state_match(a: WorldState, b: WorldState) -> bool:
     """The headline match: robot, ammunition, health and every thing are the same, within tolerances.
 
-    Robot and things may differ by the domain's tolerance, the heading by :data:`HEADING_TOLERANCE`.
+    Robot and things may differ by the domain's tolerance, the heading by `HEADING_TOLERANCE`.
     """
     return (
         _near(a.robot, b.robot)

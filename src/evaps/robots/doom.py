@@ -62,7 +62,7 @@ class DoomRobot(Robot):
     Places in map units, headings in degrees counter-clockwise from east.
 
     ## The engine
-    A process of its own; it starts with the first reset and ends with :meth:`close`. One that dies, hangs or
+    A process of its own; it starts with the first reset and ends with `close`. One that dies, hangs or
     grows without end is replaced, and the new one is brought to where the old one stood: nobody outside
     notices, except by the time it takes.
 

@@ -38,7 +38,7 @@ class RgbFrame:
 
     @cached_property
     def digest(self) -> bytes:
-        """See :func:`digest`."""
+        """See `digest`."""
         return _hash(np.pad(self.rgb, ((0, 0), (0, 0), (0, 1))), self.depth)
 
 
@@ -57,7 +57,7 @@ class PaletteFrame:
 
     @cached_property
     def digest(self) -> bytes:
-        """See :func:`digest`."""
+        """See `digest`."""
         return _hash(np.take(words_of(self.palette), self.indices, mode="clip"), self.depth)
 
 

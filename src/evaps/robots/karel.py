@@ -101,13 +101,13 @@ class KarelRobot(Robot):
             ahead = self._ahead()
             self._at = ahead if self._is_clear(ahead) else self._at
         elif action == "pickMarker":
-            self._put(max(0, here - 1))
+            self._set_markers(max(0, here - 1))
         elif action == "putMarker":
-            self._put(min(MOST_MARKERS, here + 1))
+            self._set_markers(min(MOST_MARKERS, here + 1))
         else:
             self._heading = (self._heading + TURNS[action]) % 360
 
-    def _put(self, markers: int) -> None:
+    def _set_markers(self, markers: int) -> None:
         self._markers.pop(self._at, None)
         if markers:
             self._markers[self._at] = markers

@@ -164,7 +164,7 @@ class MemoRobot(Robot):
         """Follow the tree, and let it grow where it ends.
 
         Raises:
-            Unsimulated: it would have to grow within :meth:`known_only`.
+            Unsimulated: it would have to grow within `known_only`.
         """
         tree, node = self._place
         child = node.children.get(action)

@@ -43,7 +43,7 @@ def noisy(observation: Observation, share: float, salt: int = GOAL) -> NoisyFram
 def goal_match(view: Observation, goal: Observation) -> bool:
     """The strict match with a goal; of a noisy one, on the pixels that are valid in the goal and in the view.
 
-    As large a share of the view's pixels is dropped as of the goal's, but other ones (:func:`noisy_view`). A
+    As large a share of the view's pixels is dropped as of the goal's, but other ones (`noisy_view`). A
     pixel that is 0 in every channel is invalid.
     """
     if not isinstance(goal, NoisyFrame):
@@ -57,7 +57,7 @@ def goal_match(view: Observation, goal: Observation) -> bool:
 
 
 class _View:
-    """A view that is told from others by its digest alone, for the memory of :func:`_remembered`."""
+    """A view that is told from others by its digest alone, for the memory of `_remembered`."""
 
     __slots__ = ("key", "view")
 

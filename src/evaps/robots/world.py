@@ -31,7 +31,7 @@ class World:
         robot: makes a robot; an engine of its own, if it needs one, starts with the first reset.
         random_scene: draws a scene of a task.
         size: height and width of an observation, in pixels.
-        palette: the colours of its :class:`evaps.robots.frames.PaletteFrame`, uint8 ``[256, 3]``.
+        palette: the colours of its `evaps.robots.frames.PaletteFrame`, uint8 ``[256, 3]``.
         validate: raises a `SceneError` for a scene that the robot cannot be put into.
         engine: the package whose version decides what is seen, if there is one.
         x: what a map shows from west to east, in units of the world.

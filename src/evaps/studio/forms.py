@@ -166,11 +166,11 @@ def view_json(view: Observation) -> dict[str, str]:
 
 
 def task_json(task: Task) -> dict[str, Any]:
-    """A task as :class:`TaskForm` takes it."""
+    """A task as `TaskForm` takes it."""
     return {"name": task.name, "examples": [example_json(example) for example in task.examples]}
 
 
 def example_json(example: Example) -> dict[str, Any]:
-    """An example whose goal is given as pictures, such as :class:`ExampleForm` takes."""
+    """An example whose goal is given as pictures, such as `ExampleForm` takes."""
     seen = view_json(example.goal)
     return {"scene": example.scene.to_json(), "goal_rgb": seen["rgb"], "goal_depth": seen["depth"]}

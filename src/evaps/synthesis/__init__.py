@@ -39,7 +39,7 @@ class Search(Protocol):
     def __call__(
         self, model: Model, task: Task, robot: MemoRobot, top_k: int, budget: Budget, seed: int, watch: Watch
     ) -> Solution:
-        """See :func:`synthesize`."""
+        """See `synthesize`."""
 
 
 def _verified(parts: Parts = ALL_PARTS) -> Search:
@@ -82,7 +82,7 @@ def synthesize(
 
     Args:
         task: five scenes and what the robot should see at the end.
-        model: from :func:`evaps.load_model`; its method decides how it is done.
+        model: from `evaps.load_model`; its method decides how it is done.
         top_k: how many candidates come back at most; in the paper's loop they are the synthesizer's first
             ones, each run and repaired.
         rounds: how often each is repaired at most.

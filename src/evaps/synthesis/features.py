@@ -106,7 +106,7 @@ class FeatureTable:
         noise: share of the pixels of every view that are dropped before it is embedded; goals have theirs.
 
     Attributes:
-        table: float32 ``[row, feature]``, complete after :meth:`rows`.
+        table: float32 ``[row, feature]``, complete after `rows`.
     """
 
     def __init__(self, encoder: Encoder, noise: float = 0.0) -> None:

@@ -20,7 +20,7 @@ class Block:
 
     Attributes:
         body: its statements.
-        ends: for each scene, where it leads from the places that it was run from; see :meth:`Known.run`.
+        ends: for each scene, where it leads from the places that it was run from; see `Known.run`.
     """
 
     body: Body
@@ -71,7 +71,7 @@ class Known:
         return None
 
     def run_body(self, body: Body, node: Node, scene: int) -> Node | None:
-        """The same as :meth:`run`, of a body that is run once."""
+        """The same as `run`, of a body that is run once."""
         ways = self._graphs[scene].ways
         for statement in body:
             if isinstance(statement, Action):

@@ -134,7 +134,7 @@ class Mistakes:
 
     Attributes:
         tasks: the index of the task that each belongs to.
-        executions: rows count through :attr:`table`.
+        executions: rows count through `table`.
         targets: the right program of each.
         stages: 1 for a mutation, 2 for a failure of the synthesizer.
         table: embeddings, float16 ``[row, feature]``.
@@ -148,7 +148,7 @@ class Mistakes:
 
     @classmethod
     def read(cls, paths: Sequence[Path]) -> Mistakes:
-        """Read the files that :func:`generate_mistakes` wrote."""
+        """Read the files that `generate_mistakes` wrote."""
         tasks: list[int] = []
         executions: list[Execution] = []
         targets: list[Program] = []

@@ -91,8 +91,8 @@ def synthesize_with(
 ) -> Solution:
     """Propose, run, and, if the model has a repairer, repair: one candidate for each of the first ``top_k``.
 
-    :attr:`Solution.candidates` are best first, each as far as its best attempt; :attr:`Candidate.rank` keeps
-    the synthesizer's order. In :attr:`Solution.all_candidates` each has all its attempts.
+    `Solution.candidates` are best first, each as far as its best attempt; `Candidate.rank` keeps
+    the synthesizer's order. In `Solution.all_candidates` each has all its attempts.
     """
     meter = Meter(robot)
     table = FeatureTable(model.encoder, task.noise)

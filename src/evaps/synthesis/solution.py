@@ -133,7 +133,7 @@ def attempt(program: Program, task: Task, robot: Robot) -> Attempt:
 
 
 def attempt_all(programs: Sequence[Program], task: Task, robot: MemoRobot) -> list[Attempt]:
-    """The same as :func:`attempt` for each of several programs, with fewer actions."""
+    """The same as `attempt` for each of several programs, with fewer actions."""
     by_scene = [run_together(programs, example.scene, robot) for example in task.examples]
     return [_attempt(p, task, traces) for p, *traces in zip(programs, *by_scene, strict=True)]
 

@@ -248,7 +248,7 @@ class TraceSearch:
                         self._suggest(scene, changed)
 
     def suggest_ways(self, changes: Callable[[Path], Iterator[Path]]) -> None:
-        """The same as :meth:`suggest` for all known ways to the goals, not only the shortest ones."""
+        """The same as `suggest` for all known ways to the goals, not only the shortest ones."""
         ways = dict.fromkeys(way for scene in self.scenes if scene.goals for way in goal_paths(scene))
         for scene in self.scenes:
             if not scene.goals:

@@ -87,7 +87,7 @@ def follow(policy: Policy, task: Task, robot: MemoRobot, table: FeatureTable) ->
 
 
 def _look(ways: Sequence[Way], views: Sequence[RememberedView], table: FeatureTable) -> None:
-    """What is seen now; where a way is over, its last view again, which :func:`_ended` cuts off."""
+    """What is seen now; where a way is over, its last view again, which `_ended` cuts off."""
     for way, row, view in zip(ways, table.rows(views), views, strict=True):
         way.rows.append(row)
         way.perceived.append(_bits(view))

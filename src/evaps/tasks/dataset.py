@@ -171,7 +171,7 @@ class Dataset:
         return len(self.rows)
 
     def split(self, name: str) -> list[int]:
-        """The positions in :attr:`rows` of the tasks of a split."""
+        """The positions in `rows` of the tasks of a split."""
         return [i for i, split in enumerate(self.rows.column("split")) if split == name]
 
     def frames(self, positions: Sequence[int]) -> Iterator[tuple[int, bytes]]:
@@ -221,8 +221,8 @@ class TaskPart:
     Attributes:
         path: the file.
         folder: of the data set.
-        positions: of the tasks in :attr:`Dataset.rows`.
-        rows: the tasks, as in :attr:`Dataset.rows`; empty until they are loaded.
+        positions: of the tasks in `Dataset.rows`.
+        rows: the tasks, as in `Dataset.rows`; empty until they are loaded.
         frames: their observations, packed.
     """
 

@@ -40,7 +40,7 @@ def pack_frames(frames: Sequence[Observation]) -> bytes:
 
 
 def unpack_frames(packed: bytes) -> list[PaletteFrame]:
-    """The inverse of :func:`pack_frames`."""
+    """The inverse of `pack_frames`."""
     planes, palette = decompress(packed).reshape(2, -1, *world().size), world().palette()
     return [PaletteFrame(indices, depth, palette) for indices, depth in zip(*planes, strict=True)]
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from PIL import Image as Picture
 
+from evaps.domain import CHOSEN
 from evaps.dsl import Program, UserError
 from evaps.robots.base import Scene, SceneError, WorldState
 from evaps.robots.frames import Image, Observation, RgbFrame
@@ -67,7 +68,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class GoldTask:
-    """A task with its answer. Methods get :attr:`task` and nothing else of it.
+    """A task with its answer. Methods get `task` and nothing else of it.
 
     Attributes:
         name: the task's name.
@@ -164,7 +165,9 @@ def _example(path: Path, index: int, value: Any) -> Example:
         scene = Scene.from_json(value["scene"])
         world().validate(scene)
     except SceneError as error:
-        raise TaskError(f"{path / 'task.json'}: {where}.scene: {error}") from None
+        raise TaskError(
+            f"{path / 'task.json'}: {where}.scene: {error} (EVAPS_DOMAIN is {CHOSEN.name})"
+        ) from None
     size = world().size
     rgb = _image(path, value["goal_rgb"], f"{where}.goal_rgb", (*size, 3))
     return Example(scene, RgbFrame(rgb, _image(path, value["goal_depth"], f"{where}.goal_depth", size)))

@@ -129,7 +129,7 @@ class Walks:
 
     @classmethod
     def read(cls, paths: Sequence[Path]) -> Walks:
-        """Read the files that :func:`generate_walks` wrote."""
+        """Read the files that `generate_walks` wrote."""
         rows = list(_rows(paths))
         columns = {key: np.array([row[key] for row in rows]) for key in SCHEMA.names if key != "frames"}
         frames = [row["frames"] for row in rows]

@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from evaps.dsl import UserError
-from evaps.models import METHODS, PROPOSER, is_repairer, new_method
+from evaps.models import METHODS, PROPOSER, SEARCHES, is_repairer, new_method
 from evaps.models.base import Synthesizer
 from evaps.models.checkpoint import CheckpointError, load_weights
 from evaps.models.compute import device
@@ -55,6 +55,9 @@ def train(
         raise UserError(f"there is no scale {scale!r}; known are {', '.join(SCALES)}")
     start = None
     if method not in ("encoder", "inverse"):
+        if method in SEARCHES:
+            used = ", ".join(SEARCHES[method])
+            raise UserError(f"{method!r} is a search, which is not trained; train what it uses: {used}")
         start = PROPOSER if is_repairer(method) else METHODS[method].start
     run = Run(Dataset(data), out, scale, seed, workers, tensorboard)
     if method == "encoder":

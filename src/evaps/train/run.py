@@ -36,7 +36,7 @@ DECODED_TOGETHER = 16  # tasks
 
 
 class Run:
-    """One call of :func:`evaps.train.train`.
+    """One call of `evaps.train.train`.
 
     Args:
         dataset: what is learned from.
@@ -91,7 +91,7 @@ class Run:
         return torch.from_numpy(chosen.astype(np.float32)).to(device())
 
     def given(self, model: Synthesizer, positions: Sequence[int], pairs: Any = slice(EXAMPLES)) -> Any:
-        """What a synthesizer is told of tasks: its ways if it acts, else features (:meth:`task_features`)."""
+        """What a synthesizer is told of tasks: its ways if it acts, else features (`task_features`)."""
         if model.acts:
             assert self.ways is not None, "ways are recorded before anything is learned from them"
             ways, row_of = self.ways
