@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -17,7 +17,7 @@ from PIL import ImageDraw, ImageFont
 from evaps.dsl import Program, Trace, UserError, run
 from evaps.dsl.sampler import PERCEPTION_KEYS, PERCEPTIONS
 from evaps.files import write_atomically
-from evaps.robots.base import Robot, Scene, WorldState
+from evaps.robots.base import Robot, Scene, ThingState, WorldState
 from evaps.robots.frames import Observation
 from evaps.robots.world import world
 
@@ -182,19 +182,28 @@ def _map(scene: Scene, states: Sequence[WorldState]) -> Picture.Image:
     way = [_place(state.robot.x, state.robot.y) for state in states]
     if len(way) > 1:
         pen.line(way, fill=ROBOT, width=1)
-    for thing, number in Counter(states[-1].things).items():
-        x, y = _place(thing.x, thing.y)
-        color = ALIVE if thing.alive else DEAD
-        pen.ellipse((x - 6, y - 6, x + 6, y + 6), fill=color)
-        named = len(states[-1].things) <= FEW and not world().grid  # else names would cover one another
-        name = thing.kind if named else ""
-        pen.text((x + 8, y - 7), f"{number} {name}" if number > 1 else name, color, _font())
+    _draw_things(pen, Counter(states[-1].things))
     x, y = way[-1]
     heading = np.deg2rad(states[-1].robot.heading)
     tip = (x + 16 * math.cos(heading), y - 16 * math.sin(heading))
     pen.ellipse((x - 6, y - 6, x + 6, y + 6), fill=ROBOT)
     pen.line([(x, y), tip], fill=ROBOT, width=3)
     return picture
+
+
+def _draw_things(pen: ImageDraw.ImageDraw, things: Mapping[ThingState, int]) -> None:
+    """A disc for each, with its name beside it if there is room; on it how many there are in one place."""
+    named = sum(things.values()) <= FEW and not world().grid  # else names would cover one another
+    for thing, number in things.items():
+        x, y = _place(thing.x, thing.y)
+        color = ALIVE if thing.alive else DEAD
+        pen.ellipse((x - 6, y - 6, x + 6, y + 6), fill=color)
+        if number > 1:
+            pen.text((x, y), str(number), PAPER, _font(), anchor="mm")
+        if named:
+            right = x + 8 + pen.textlength(thing.kind, _font())
+            beside = (x + 8, "lm") if right < _map_size()[0] else (x - 8, "rm")
+            pen.text((beside[0], y), thing.kind, color, _font(), anchor=beside[1])
 
 
 def _draw_grid(pen: ImageDraw.ImageDraw) -> None:
