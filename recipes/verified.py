@@ -7,6 +7,7 @@ Times are those of two cores without a graphics card.
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,7 +49,7 @@ WITHOUT = (
 def make_rows() -> None:
     """`evaps evaluate --methods verified`, with one part left out, and with noise: 15 minutes each.
 
-    Then with models of less data, and with a larger budget: what is worth more?
+    Then with a guide of less data, and with a larger budget: what is worth more?
     """
     runs, verified = PLAN.runs(0), ("verified",)
     judge(PLAN, runs, verified, ROWS)
@@ -57,14 +58,17 @@ def make_rows() -> None:
         noisy = NOISY / f"verified-{100 * share:.0f}.parquet"
         judge(replace(PLAN, tasks=NOISY_TASKS), runs, verified, noisy, share)
     for scale, path in LARGER_OR_LONGER.items():
-        models = make_models(replace(PLAN, scale=scale))
+        models = make_models(scale)
         judge(replace(PLAN, tasks=COMPARED_TASKS), models, verified, path, actions=PATIENCE)
 
 
-def make_models(plan: Plan) -> Path:
-    """The folder of the checkpoints that the search uses, at a plan's scale."""
+def make_models(scale: str) -> Path:
+    """The folder of the checkpoints that the search uses; at another scale only its guide is another."""
+    plan = replace(PLAN, scale=scale)
     make_data(plan)
     for method in needed_for("verified"):
+        if plan != PLAN and method != "inverse":
+            shutil.copytree(PLAN.runs(0) / method, plan.runs(0) / method, dirs_exist_ok=True)
         make_checkpoint(plan, 0, method)
     return plan.runs(0)
 
@@ -97,7 +101,7 @@ def make_tables() -> None:
 
 def main() -> None:
     """All steps in order; each goes on where it was interrupted."""
-    make_models(PLAN)
+    make_models(PLAN.scale)
     make_rows()
     make_tables()
 
