@@ -34,7 +34,7 @@ NOISY_TASKS = 100
 LARGER_OR_LONGER = {
     scale: RESULTS / "verified-models" / f"verified-{scale}.parquet" for scale in ("quick", PLAN.scale)
 }
-COMPARED_TASKS, PATIENCE = 200, 14_000  # with as many actions as four searches may simulate
+COMPARED_TASKS, PATIENCE = 100, 14_000  # with as many actions as four searches may simulate
 WITHOUT = (
     "verified",
     "verified-no-guide",
