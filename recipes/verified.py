@@ -21,7 +21,7 @@ from evaps.report.summary import (
     summary_table,
 )
 from recipes.pages import put
-from recipes.paper import NOISE, Plan, judge, make_checkpoint, make_data
+from recipes.paper import NOISE, Plan, judge, make_checkpoint, make_data, with_what_is_needed
 
 PLAN = Plan()
 RESULTS = PLAN.results
@@ -101,7 +101,9 @@ def make_tables() -> None:
 
 def main() -> None:
     """All steps in order; each goes on where it was interrupted."""
-    make_models(PLAN.scale)
+    make_data(PLAN)
+    for method in with_what_is_needed(WITHOUT):
+        make_checkpoint(PLAN, 0, method)
     make_rows()
     make_tables()
 
