@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     files = {
         "program": PROGRAM,
         "half": "DEF run m( ATTACK",
+        "deep": f"DEF run m( {'WHILE c( ISTHERE Demon c) w( ' * 25}ATTACK{' w)' * 25} m)",
         "binary": b"DEF run\n\xff",
         "scene": json.dumps(scene()),
         "unknown": json.dumps({**scene(), "colour": 1}),
@@ -206,6 +208,13 @@ class TestOnTheEngine:
         ("data info x", "x holds no complete data set; make one with: evaps generate x"),
         ("data info scene --check -1", "--check must be at least 0, not -1"),
         ("bench --seconds 0", "--seconds must be more than 0, not 0"),
+        ("synthesize task --seconds nan", "--seconds must be more than 0, not nan"),
+        ("synthesize task --seed -1", "--seed must be at least 0, not -1"),
+        (
+            "train verified --data scene --out x",
+            "'verified' is a search, which is not trained; train what it uses",
+        ),
+        ("export --program deep", "Python cannot nest as deep as this program does; try: --to behavior-tree"),
         ("generate .", ". is not empty and no data set; choose another folder"),
         ("generate scene", "scene cannot be written: "),
         ("--tyro-write-completion bash none/here", "none/here: No such file or directory; is there such a"),
@@ -225,6 +234,10 @@ def test_wrong_arguments_are_refused(folder: Path, arguments: str) -> None:
     assert done.returncode == 2
     assert done.stderr.startswith("evaps: ")
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_it_says_which_version_it_is(folder: Path) -> None:
+    assert evaps("--version", folder=folder).stdout == f"evaps {version('evaps')}\n"
 
 
 def test_a_reader_that_has_seen_enough_is_no_error() -> None:

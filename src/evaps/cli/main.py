@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr, suppress
 from dataclasses import dataclass
+from importlib.metadata import version
 from io import StringIO
 from itertools import takewhile
 from typing import Annotated, TypeAlias
@@ -14,7 +15,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, OmitSubcommandPrefixes, subcommand
 
 from evaps.cli.bench import Bench
-from evaps.cli.command import FAILED, WRONG_INPUT, close_output, exit_status
+from evaps.cli.command import DONE, FAILED, WRONG_INPUT, close_output, exit_status
 from evaps.cli.data import Data
 from evaps.cli.doctor import Doctor
 from evaps.cli.evaluate import Evaluate
@@ -51,6 +52,7 @@ class Evaps:
     """Readable robot programs from five examples, checked and repaired on the real ViZDoom engine.
 
     Exit status: 0 done, 2 the input is wrong, 130 stopped with Ctrl-C, 1 anything else.
+    `evaps --version` says which one this is.
     """
 
     command: AnyCommand
@@ -68,6 +70,9 @@ def main(args: Sequence[str] | None = None) -> int:
     Raises:
         SystemExit: 0 after help, 2 if the arguments are wrong.
     """
+    if [*(sys.argv[1:] if args is None else args)] == ["--version"]:
+        print(f"evaps {version('evaps')}")
+        return DONE
     config = (OmitSubcommandPrefixes, OmitArgPrefixes, FlagCreatePairsOff)
     complaint = StringIO()
     try:
