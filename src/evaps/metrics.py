@@ -5,7 +5,7 @@ Rows of several methods and seeds may lie in one file or in many; each (method, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -71,20 +71,36 @@ class MethodResults:
         """A fact that is the same in all rows of a task, such as ``"steps"``."""
         return np.array([self.rows[t][0][key] for t in self.tasks])
 
-    def answers(self) -> list[Row]:
+    def answers(self, k: int = max(TOP)) -> list[Row]:
         """For each task the attempt that passes most pairs, of these the first; with the facts of its row.
 
         This is what a user gets: a method may compare what it ran with the goals, byte for byte, and what a
         repair made worse is not lost.
+
+        Args:
+            k: among so many candidates.
         """
         return [
-            max(map(_best_attempt, self.rows[t]), key=lambda r: (r["pairs_passed"], -r["rank"]))
+            max(map(_best_attempt, self.first(t, k)), key=lambda r: (r["pairs_passed"], -r["rank"]))
             for t in self.tasks
         ]
 
-    def answered(self) -> Bool[np.ndarray, " task"]:
-        """For each task whether the answer generalizes."""
-        return np.array([row["generalization_state"] for row in self.answers()])
+    def answered(self, k: int = max(TOP)) -> Bool[np.ndarray, " task"]:
+        """For each task whether the answer among the first ``k`` candidates generalizes."""
+        return np.array([row["generalization_state"] for row in self.answers(k)])
+
+    def programs_run(self, k: int) -> float:
+        """Distinct programs that the first ``k`` candidates of a task and their repairs are: the mean."""
+        return float(np.mean([len(set(_programs(self.first(t, k)))) for t in self.tasks]))
+
+    def first(self, task: int, k: int) -> list[Row]:
+        """The first ``k`` candidates of a task."""
+        return [row for row in self.rows[task] if row["rank"] < k]
+
+
+def _programs(rows: Iterable[Row]) -> Iterator[str]:
+    for row in rows:
+        yield from (attempt["program"] for attempt in row.get("attempts") or [row])
 
 
 def _best_attempt(row: Row) -> Row:

@@ -1,7 +1,7 @@
 """EVAPS: what a token's representation depends on, invariances, and that it can learn."""
 
 from dataclasses import replace
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -39,18 +39,60 @@ def table() -> torch.Tensor:
     return torch.randn(200, 256, generator=torch.Generator().manual_seed(1))
 
 
-def test_a_token_changes_with_its_own_segments_observations_and_only_then(table: torch.Tensor) -> None:
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_a_token_changes_with_its_own_segments_observations_and_only_then(
+    when: str, table: torch.Tensor
+) -> None:
     seen = execution(PROGRAM, np.random.default_rng(0))
     net = model(goal=False)
-    before = net.represent(Batch.of([seen], CPU), table)[0]
+    as_it_was = net.represent(Batch.of([seen], CPU), table)[0]
     for segment in range(len(PROGRAM.segments)):
-        other = seen.after.copy()
+        other = getattr(seen, when).copy()
         other[2, segment] = (other[2, segment] + 1) % 200
-        after = net.represent(Batch.of([replace(seen, after=other)], CPU), table)[0]
-        changed = (before != after).any(-1)
+        changes: Any = {when: other}
+        as_it_is = net.represent(Batch.of([replace(seen, **changes)], CPU), table)[0]
+        changed = (as_it_was != as_it_is).any(-1)
         own = torch.tensor(PROGRAM.token_segments) == segment
         assert torch.equal(changed[2], own)
         assert not changed[[0, 1, 3, 4]].any()
+
+
+@pytest.mark.parametrize(
+    ("flags", "known"),
+    [
+        ({}, {"before", "after", "first", "final", "goal"}),
+        ({"graph": False}, {"before", "after", "first", "final", "goal"}),
+        ({"observations": False}, {"first", "goal"}),
+        ({"observations": False, "graph": False}, {"first", "goal"}),
+        ({"goal": False}, {"before", "after"}),
+    ],
+)
+def test_edits_depend_on_all_that_a_method_may_see_and_on_nothing_else(
+    flags: dict[str, bool], known: set[str], table: torch.Tensor
+) -> None:
+    seen = execution(PROGRAM, np.random.default_rng(0))
+    net = model(**flags)
+    as_it_was = net(Batch.of([seen], CPU), table)
+    for part in ("before", "after", "first", "final", "goal"):
+        changes: Any = {part: (getattr(seen, part) + 1) % 200}
+        as_it_is = net(Batch.of([replace(seen, **changes)], CPU), table)
+        assert torch.equal(as_it_was, as_it_is) == (part not in known), part
+
+
+def test_its_graph_attention_is_the_equation_of_the_paper() -> None:
+    """Brody et al., 2022: softmax over neighbours and oneself of a . leaky(W_l x_j + W_r x_i), in float64."""
+    layer = model().double().graph[0]
+    nodes, heads = len(PROGRAM.tokens), 4
+    x = torch.randn(nodes, 256, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    edges = Batch.of([execution(PROGRAM, np.random.default_rng(0))], CPU).edges
+    near = torch.eye(nodes, dtype=torch.bool)
+    for a, b in PROGRAM.edges:
+        near[a, b] = near[b, a] = True
+    left, right = (lin(x).unflatten(1, (heads, -1)) for lin in (layer.lin_l, layer.lin_r))
+    leaky = torch.nn.functional.leaky_relu(right[:, None] + left[None], 0.2)
+    scores = (leaky * layer.att).sum(-1).masked_fill(~near[..., None], -torch.inf)
+    expected = torch.einsum("ijh,jhc->ihc", scores.softmax(1), left).flatten(1) + layer.bias
+    torch.testing.assert_close(layer(x, edges), expected, rtol=1e-10, atol=1e-12)
 
 
 def test_what_never_ran_has_one_learned_vector(table: torch.Tensor) -> None:
@@ -119,8 +161,16 @@ def can_say(edits: EditMode, before: Program, after: Program) -> bool:
     return kinds.count("insert") <= SLOTS
 
 
-@pytest.mark.parametrize("edits", EDITS)
-def test_it_can_learn_32_repairs_by_heart(edits: EditMode) -> None:
+@pytest.mark.parametrize(
+    ("edits", "flags"),
+    [
+        *((edits, {}) for edits in EDITS),
+        ("sequential", {"observations": False}),
+        ("sequential", {"graph": False}),
+        ("sequential", {"observations": False, "graph": False}),
+    ],
+)
+def test_it_can_learn_32_repairs_by_heart(edits: EditMode, flags: dict[str, bool]) -> None:
     torch.manual_seed(0)
     rng = np.random.default_rng(0)
     table = torch.randn(200, 32)
@@ -128,7 +178,7 @@ def test_it_can_learn_32_repairs_by_heart(edits: EditMode) -> None:
     pairs = [(w, p) for w, p in pairs if can_say(edits, w, p)][:32]
     targets = [p for _, p in pairs]
     wrong = [execution(w, rng) for w, _ in pairs]
-    net = Evaps(EvapsConfig(feature=32, pair=64, hidden=64, dropout=0.0, edits=edits))
+    net = Evaps(EvapsConfig(feature=32, pair=64, hidden=64, dropout=0.0, edits=edits, **flags))
     optimizer = torch.optim.Adam(net.parameters(), lr=2e-3)
     for _ in range(STEPS):
         optimizer.zero_grad()

@@ -1,8 +1,6 @@
 """The list of methods: the paper's ablations differ in what they see, and in nothing else."""
 
 import pytest
-import torch
-from torch_geometric.nn import GATv2Conv
 
 from evaps.dsl import UserError
 from evaps.models import METHODS, is_repairer, load_method, load_model, needed_for, new_method
@@ -59,20 +57,3 @@ def test_a_repairer_mends_what_any_synthesizer_proposes(tmp_path) -> None:
 def test_who_cannot_propose_or_mend_is_refused(method: str) -> None:
     with pytest.raises(UserError, match=r"has to be a synthesizer, '\+' and a repairer|there is no method"):
         needed_for(method)
-
-
-def test_graph_attention_is_the_equation_of_the_paper() -> None:
-    """Brody et al., 2022: softmax over neighbours and oneself of a . leaky(W_l x_j + W_r x_i), in float64."""
-    torch.manual_seed(0)
-    nodes, size, heads = 7, 12, 3
-    layer = GATv2Conv(size, size // heads, heads, negative_slope=0.2).double()
-    x = torch.randn(nodes, size, dtype=torch.float64)
-    one_way = torch.tensor([[0, 1, 2, 3, 1, 4], [1, 2, 3, 4, 5, 6]])
-    edges = torch.cat([one_way, one_way.flip(0)], 1)
-    near = torch.eye(nodes, dtype=torch.bool)
-    near[edges[1], edges[0]] = True
-    left, right = (lin(x).unflatten(1, (heads, -1)) for lin in (layer.lin_l, layer.lin_r))
-    leaky = torch.nn.functional.leaky_relu(right[:, None] + left[None], 0.2)
-    scores = (leaky * layer.att).sum(-1).masked_fill(~near[..., None], -torch.inf)
-    expected = torch.einsum("ijh,jhc->ihc", scores.softmax(1), left).flatten(1) + layer.bias
-    torch.testing.assert_close(layer(x, edges), expected, rtol=1e-10, atol=1e-12)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from torch.nn import functional as F
@@ -31,6 +32,21 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("rewards") / "data"
     generate(folder, TASKS, 7, workers=Workers(0), frames=False)
     return Dataset(folder)
+
+
+@pytest.mark.parametrize(("scenes", "reward"), [(6, 1.0), (5, -1.0), (0, -1.0)])
+def test_a_program_is_right_if_it_is_in_all_six_scenes(scenes: int, reward: float) -> None:
+    torch.manual_seed(0)
+    model = LGRL(LGRLConfig(feature=32, pair=64, embedding=64, hidden=128))
+    verdict = np.arange(6) < scenes
+    run: Any = SimpleNamespace(
+        scale=replace(SCALES["smoke"], rl_beam=4, rl_draws=2),
+        task_features=lambda positions: torch.randn(len(positions), 5, 2, 32),
+        judge=SimpleNamespace(matches=lambda _, programs: np.tile(verdict, (len(programs), 1))),
+    )
+    loss, metrics = reward_loss(run, model, [0, 1])
+    assert metrics["reward"] == pytest.approx(reward)
+    assert loss.item() == pytest.approx(-reward, abs=1e-5)
 
 
 def test_rewards_teach_32_tasks(dataset: Dataset) -> None:

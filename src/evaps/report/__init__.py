@@ -18,6 +18,7 @@ REPORTS: dict[str, Callable[[Results], Item | list[Table]]] = {
     "table-1": tables.table_1,
     "table-2": tables.table_2,
     "frames": tables.frames,
+    "checked": tables.checked,
     "complexity": curves.complexity,
     "candidates": curves.candidates,
     "actions": curves.actions,
