@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from evaps.models import CheckpointError, UserError, load_method, load_model, new_method
-from evaps.models.checkpoint import save_checkpoint
+from evaps.models.checkpoint import hash_of, save_checkpoint
+from evaps.models.encoder import Encoder, EncoderConfig
 
 
 @pytest.mark.parametrize(("name", "config"), [("lgrl", {"hidden": 32}), ("evaps", {"graph": False})])
@@ -48,3 +49,14 @@ def test_unknown_names_are_refused(tmp_path: Path) -> None:
         load_model(tmp_path / "missing")
     with pytest.raises(UserError, match="no method 'best'"):
         new_method("best")
+
+
+def test_what_was_trained_with_another_encoder_is_refused(tmp_path: Path) -> None:
+    save_checkpoint(tmp_path / "encoder", Encoder(EncoderConfig()), "encoder", {})
+    for name in ("lgrl", "evaps"):
+        facts = {"made_from": {"encoder": hash_of(tmp_path / "encoder")}}
+        save_checkpoint(tmp_path / name, new_method(name), name, facts)
+    assert load_model(tmp_path, "evaps").repairer is not None
+    save_checkpoint(tmp_path / "encoder", Encoder(EncoderConfig()), "encoder", {})
+    with pytest.raises(CheckpointError, match="lgrl was trained with another encoder than"):
+        load_model(tmp_path, "evaps")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -15,7 +15,7 @@ from torch import nn
 from evaps.domain import CHOSEN
 from evaps.dsl import UserError
 from evaps.models.base import Repairer, Synthesizer
-from evaps.models.checkpoint import CheckpointError, fitting, load_weights, read_config
+from evaps.models.checkpoint import CheckpointError, fitting, hash_of, load_weights, read_config
 from evaps.models.encoder import Encoder, EncoderConfig
 from evaps.models.hub import PREFIX, fetch
 from evaps.models.inverse import InverseConfig, InverseModel
@@ -238,6 +238,21 @@ def load_inverse(folder: Path) -> InverseModel:
     return _loaded(folder, "inverse", lambda **config: InverseModel(InverseConfig(**config)))
 
 
+def _check_encoder(folder: Path, needed: Iterable[str]) -> None:
+    """Whether all that was trained on features of an encoder was trained on those of this one.
+
+    Raises:
+        CheckpointError: one was not, or is not there.
+    """
+    there = hash_of(folder / "encoder")
+    for name in needed:
+        made_from = read_config(folder / name, name)["facts"].get("made_from", {})
+        if made_from.get("encoder", there) != there:
+            raise CheckpointError(
+                f"{folder / name} was trained with another encoder than {folder / 'encoder'}; train it again"
+            )
+
+
 def load_model(name: str | Path = CHOSEN.model, method: str = VERIFIED) -> Model:
     """A trained model: one of the shipped sets by its name, a folder of checkpoints, or a set from a hub.
 
@@ -252,6 +267,7 @@ def load_model(name: str | Path = CHOSEN.model, method: str = VERIFIED) -> Model
         CheckpointError: there is no such set, or it does not fit this version.
     """
     folder = model_folder(name)
+    _check_encoder(folder, needed_for(method))
     if method in SEARCHES:
         needed = SEARCHES[method]
         inverse = load_inverse(folder / "inverse") if "inverse" in needed else None

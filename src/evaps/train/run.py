@@ -129,6 +129,7 @@ class Run:
             "seed": self.seed,
             "dataset": self.dataset.identity,
             "fit": asdict(config),
+            "made_from": {} if name == "encoder" else {"encoder": hash_of(self.out / "encoder")},
             "metrics": {key: round(value, 5) for key, value in metrics.items()},
             "commit": self._commit,
             "evaps": version("evaps"),
