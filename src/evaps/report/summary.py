@@ -131,7 +131,7 @@ def models_table(rows: Mapping[str, Path], method: str) -> str:
         method: the search.
     """
     limits = (300, 1_000, 3_500, 14_000)
-    head = ["models", "tasks", *(f"{n:,} actions" for n in limits)]
+    head = ["guide", "tasks", *(f"{n:,} actions" for n in limits)]
     lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
     for name, path in rows.items():
         answers = Results.read(path).first(method).answers()
