@@ -90,7 +90,7 @@ def tables() -> str:
         answer_table([PARTS]),
         f"With noise, on the first {NOISY_TASKS}; goals are compared on pixels that are valid in both views:",
         noise_table(NOISY, "verified"),
-        f"With a guide of less data and within other budgets, on the first {COMPARED_TASKS} (passes all five / "
+        f"With a guide of less data, and other budgets, on the first {COMPARED_TASKS} (passes all five / "
         "generalizes):",
         models_table({f"{scale} scale": path for scale, path in LARGER_OR_LONGER.items()}, "verified"),
     ]
