@@ -39,6 +39,7 @@ SMALLER = {
 """What stands in the pages, and what is run instead."""
 
 pytestmark = pytest.mark.slow
+# the classes are there so that workers can share these tests
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -73,53 +74,58 @@ def follow(commands: str, folder: Path, site: Path, **variables: str) -> str:
     return done.stdout
 
 
-def test_a_method_of_ones_own_is_trained_judged_and_reported(tmp_path: Path) -> None:
-    """And the page about evaluation, with the data that this one makes."""
-    site = install(tmp_path, *blocks("own-method.md", "toml"), "own_method.py")
-    told = "".join(follow(block, tmp_path, site) for block in blocks("own-method.md", "sh"))
-    assert "| mean | " in told
-    assert "mean" in (tmp_path / "report" / "table-1.md").read_text()
-    shutil.rmtree(tmp_path / "rows")
-    told = "".join(follow(block, tmp_path, site) for block in blocks("evaluation.md", "bash"))
-    assert "| LGRL | " in told
-    assert (tmp_path / "report" / "complexity.svg").exists()
+class TestOwnMethod:
+    def test_a_method_of_ones_own_is_trained_judged_and_reported(self, tmp_path: Path) -> None:
+        """And the page about evaluation, with the data that this one makes."""
+        site = install(tmp_path, *blocks("own-method.md", "toml"), "own_method.py")
+        told = "".join(follow(block, tmp_path, site) for block in blocks("own-method.md", "sh"))
+        assert "| mean | " in told
+        assert "mean" in (tmp_path / "report" / "table-1.md").read_text()
+        shutil.rmtree(tmp_path / "rows")
+        told = "".join(follow(block, tmp_path, site) for block in blocks("evaluation.md", "bash"))
+        assert "| LGRL | " in told
+        assert (tmp_path / "report" / "complexity.svg").exists()
 
 
-def test_a_package_with_a_domain_is_installed_and_found(tmp_path: Path) -> None:
-    site = install(tmp_path, *blocks("own-robot.md", "toml"), "own_domain.py", "own_world.py")
-    (tmp_path / "clean.py").write_text(blocks("own-robot.md", "")[0])
-    told = follow("evaps export --program clean.py", tmp_path, site, EVAPS_DOMAIN="vacuum")
-    assert "suck" in told
-    vacuum, _ = blocks("own-robot.md", "sh")  # Karel's is the same, and test_domains.py has its commands
-    assert "verified synthesis" in follow(vacuum, tmp_path, site)
-    assert (tmp_path / "runs" / "vacuum" / "lgrl" / "model.safetensors").exists()
+class TestOwnRobot:
+    def test_a_package_with_a_domain_is_installed_and_found(self, tmp_path: Path) -> None:
+        site = install(tmp_path, *blocks("own-robot.md", "toml"), "own_domain.py", "own_world.py")
+        (tmp_path / "clean.py").write_text(blocks("own-robot.md", "")[0])
+        told = follow("evaps export --program clean.py", tmp_path, site, EVAPS_DOMAIN="vacuum")
+        assert "suck" in told
+        vacuum, _ = blocks("own-robot.md", "sh")  # Karel's is the same, and test_domains.py has its commands
+        assert "verified synthesis" in follow(vacuum, tmp_path, site)
+        assert (tmp_path / "runs" / "vacuum" / "lgrl" / "model.safetensors").exists()
 
 
-def test_the_commands_of_the_readme_and_of_what_it_leads_to_run(tmp_path: Path) -> None:
-    """In the order in which they are met: README, methods, data."""
-    program, _ = blocks("index.md", "python")
-    scene, five = blocks("index.md", "json")
-    for name, text in (("program.py", program), ("scene.json", scene), ("five.json", five)):
-        (tmp_path / name).write_text(text)
-    shipped = tmp_path / "runs" / "small"
-    shutil.copytree(SHIPPED / "small", shipped)
-    shutil.rmtree(shipped / "encoder")
-    _, commands = blocks("../README.md", "sh")
-    told = follow(
-        commands.replace("evaps evaluate", f"cp -r {SHIPPED}/small runs; evaps evaluate"), tmp_path, tmp_path
-    )
-    assert "| LGRL | " in told
-    assert (tmp_path / "run.gif").exists()
-    for method in ("lgrl", "evaps"):
-        shutil.rmtree(shipped / method)
-    told = "".join(follow(block, tmp_path, tmp_path) for block in blocks("methods.md", "sh"))
-    assert "| EVAPS | " in told
-    told = "".join(follow(block, tmp_path, tmp_path) for block in blocks("data.md", "sh"))
-    assert (tmp_path / "data" / "paper" / "tasks.parquet").exists()
-    for code in blocks("data.md", "python"):
-        modules = re.findall(r"(?:^import|,) (\w+)", code, re.MULTILINE)
-        if all(importlib.util.find_spec(module) for module in modules):
-            follow(f"python3 - <<'END'\n{code}END", tmp_path, tmp_path)
+class TestReadme:
+    def test_the_commands_of_the_readme_and_of_what_it_leads_to_run(self, tmp_path: Path) -> None:
+        """In the order in which they are met: README, methods, data."""
+        program, _ = blocks("index.md", "python")
+        scene, five = blocks("index.md", "json")
+        for name, text in (("program.py", program), ("scene.json", scene), ("five.json", five)):
+            (tmp_path / name).write_text(text)
+        shipped = tmp_path / "runs" / "small"
+        shutil.copytree(SHIPPED / "small", shipped)
+        shutil.rmtree(shipped / "encoder")
+        _, commands = blocks("../README.md", "sh")
+        told = follow(
+            commands.replace("evaps evaluate", f"cp -r {SHIPPED}/small runs; evaps evaluate"),
+            tmp_path,
+            tmp_path,
+        )
+        assert "| LGRL | " in told
+        assert (tmp_path / "run.gif").exists()
+        for method in ("lgrl", "evaps"):
+            shutil.rmtree(shipped / method)
+        told = "".join(follow(block, tmp_path, tmp_path) for block in blocks("methods.md", "sh"))
+        assert "| EVAPS | " in told
+        told = "".join(follow(block, tmp_path, tmp_path) for block in blocks("data.md", "sh"))
+        assert (tmp_path / "data" / "paper" / "tasks.parquet").exists()
+        for code in blocks("data.md", "python"):
+            modules = re.findall(r"(?:^import|,) (\w+)", code, re.MULTILINE)
+            if all(importlib.util.find_spec(module) for module in modules):
+                follow(f"python3 - <<'END'\n{code}END", tmp_path, tmp_path)
 
 
 def test_the_robots_page_shows_how_to_act() -> None:
