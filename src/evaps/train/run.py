@@ -55,6 +55,7 @@ class Run:
         self.tensorboard = tensorboard
         self.ways: tuple[WayTable, dict[int, int]] | None = None  # and the row of each position
         self._start, self._commit = time.monotonic(), code_version()
+        self._processes = PartialState()  # which device is whose, before anything is put on one
 
     @cached_property
     def programs(self) -> list[list[int]]:
@@ -138,6 +139,6 @@ class Run:
             "precision": precision(),
             "minutes_of_last_run": round((time.monotonic() - self._start) / 60, 1),
         }
-        if PartialState().is_main_process:
+        if self._processes.is_main_process:
             save_checkpoint(self.out / name, model, name, facts)
         return self.out / name
