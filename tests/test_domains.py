@@ -139,7 +139,7 @@ class Shell:
         self._process.communicate()
 
 
-@pytest.fixture(scope="module", params=["karel-window"])
+@pytest.fixture(scope="module", params=["karel-window", "vacuum"])
 def shell(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shell]:
     """One for a domain of evaps, and one for that of another package."""
     made = Shell(request.param, install(tmp_path_factory.mktemp(request.param)))

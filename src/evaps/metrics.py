@@ -5,7 +5,7 @@ Rows of several methods and seeds may lie in one file or in many; each (method, 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -65,7 +65,7 @@ class MethodResults:
 
     def matches(self, metric: str, k: int) -> Bool[np.ndarray, " task"]:
         """For each task whether any of the first ``k`` candidates matches."""
-        return np.array([any(r[metric] for r in self.rows[t] if r["rank"] < k) for t in self.tasks])
+        return np.array([any(r[metric] for r in self.first(t, k)) for t in self.tasks])
 
     def column(self, key: str) -> np.ndarray[Any, Any]:
         """A fact that is the same in all rows of a task, such as ``"steps"``."""
@@ -91,22 +91,22 @@ class MethodResults:
 
     def programs_run(self, k: int) -> float:
         """Distinct programs that the first ``k`` candidates of a task and their repairs are: the mean."""
-        return float(np.mean([len(set(_programs(self.first(t, k)))) for t in self.tasks]))
+        programs = ({a["program"] for row in self.first(t, k) for a in _attempts(row)} for t in self.tasks)
+        return float(np.mean([len(distinct) for distinct in programs]))
 
     def first(self, task: int, k: int) -> list[Row]:
         """The first ``k`` candidates of a task."""
         return [row for row in self.rows[task] if row["rank"] < k]
 
 
-def _programs(rows: Iterable[Row]) -> Iterator[str]:
-    for row in rows:
-        yield from (attempt["program"] for attempt in row.get("attempts") or [row])
+def _attempts(row: Row) -> Sequence[Row]:
+    """What a candidate was, from the proposal on; the row itself where that was not kept."""
+    return row.get("attempts") or [row]
 
 
 def _best_attempt(row: Row) -> Row:
     """The row as if its candidate had ended with the first attempt that passes most pairs."""
-    attempts = row.get("attempts") or [row]
-    return {**row, **max(attempts, key=lambda attempt: attempt["pairs_passed"])}
+    return {**row, **max(_attempts(row), key=lambda attempt: attempt["pairs_passed"])}
 
 
 class Results:

@@ -58,8 +58,9 @@ class Evaluate(Command):
         """Evaluate, with progress on standard error, and print the table."""
         if self.out.suffix != ".parquet":
             raise UserError(f"--out must end in .parquet, not {self.out.name!r}")
-        least = {"tasks": 1, "top_k": 1, "rounds": 0, "actions": 1}
-        check_least(**{name: (getattr(self, name), lowest) for name, lowest in least.items()})
+        check_least(
+            tasks=(self.tasks, 1), top_k=(self.top_k, 1), rounds=(self.rounds, 0), actions=(self.actions, 1)
+        )
         if not 0 <= self.noise < 1:
             raise UserError(f"--noise must be at least 0 and less than 1, not {self.noise}")
         workers = workers_from(self.workers, self.engine, self.address)

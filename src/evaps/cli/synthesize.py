@@ -62,8 +62,9 @@ class Synthesize(Command):
 
     def run(self) -> None:
         """Synthesize and show."""
-        least = {"top_k": 1, "rounds": 0, "actions": 1, "seed": 0}
-        check_least(**{name: (getattr(self, name), lowest) for name, lowest in least.items()})
+        check_least(
+            top_k=(self.top_k, 1), rounds=(self.rounds, 0), actions=(self.actions, 1), seed=(self.seed, 0)
+        )
         if not self.seconds > 0:  # nor is nan
             raise UserError(f"--seconds must be more than 0, not {self.seconds}")
         if not self.tasks:

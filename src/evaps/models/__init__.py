@@ -268,10 +268,14 @@ def load_model(name: str | Path = CHOSEN.model, method: str = VERIFIED) -> Model
     """
     folder = model_folder(name)
     _check_encoder(folder, needed_for(method))
+    return _model_in(folder, method)
+
+
+def _model_in(folder: Path, method: str) -> Model:
     if method in SEARCHES:
         needed = SEARCHES[method]
         inverse = load_inverse(folder / "inverse") if "inverse" in needed else None
-        loop = load_model(folder, needed[-1] if needed[-1] in METHODS else PROPOSER)
+        loop = _model_in(folder, needed[-1] if needed[-1] in METHODS else PROPOSER)
         return replace(loop, inverse=inverse, search=method)
     proposer, mender = proposer_and_repairer(method)
     synthesizer = load_method(folder / proposer, proposer)

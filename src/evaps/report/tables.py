@@ -72,7 +72,7 @@ def frames(results: Results) -> Table:
 
 
 def checked(results: Results) -> Table:
-    """What running candidates, and asking whether they reach the goals, is worth without any repair."""
+    """What it is worth to run the first candidates and hand out the one that passes most examples."""
     head = ["method", *(f"of the first {k}" for k in CHECKED)]
     rows = []
     for method, runs in results.by_method.items():
