@@ -18,6 +18,11 @@ HERE = Path(__file__).parent
 sys.path += [str(HERE), str(HERE / "robots")]  # `rows`, `commands`; `robot_jobs`, `engine_processes`
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What takes long begins first, lest one worker is left with it at the end."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
 @pytest.fixture(scope="module")
 def robot() -> Iterator[MemoRobot]:
     robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS)

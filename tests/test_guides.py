@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import re
 import shutil
@@ -14,6 +15,8 @@ import pytest
 from commands import EVAPS
 
 from evaps.models import SHIPPED
+from evaps.robots.base import Scene
+from evaps.robots.scenes import validate
 
 ROOT = Path(__file__).parents[1]
 NOT_HERE = ("evaps studio", "evaps bench")
@@ -32,6 +35,9 @@ SMALLER = {
     "evaps train mean": "evaps train mean --scale smoke --workers 0",
     "evaps train lgrl --data data/small": "evaps train lgrl --scale smoke --workers 0 --data data/small",
     "evaps train evaps": "evaps train evaps --scale smoke --workers 0",
+    "--tasks 3000 --seed 0": "--tasks 60 --seed 0 --workers 0",
+    "--scale quick\n": "--scale smoke --workers 0\n",
+    "--tasks 40\n": "--tasks 1 --workers 0 --actions 200\n",
     "evaps train encoder --data data/small": "evaps train encoder --scale smoke --data data/small",
     "--scale smoke\n": "--scale smoke --workers 0\n",
     "report all --rows results": f"report effects --rows {ROOT}/results",
@@ -93,9 +99,16 @@ class TestOwnRobot:
         (tmp_path / "clean.py").write_text(blocks("own-robot.md", "")[0])
         told = follow("evaps export --program clean.py", tmp_path, site, EVAPS_DOMAIN="vacuum")
         assert "suck" in told
-        vacuum, _ = blocks("own-robot.md", "sh")  # Karel's is the same, and test_domains.py has its commands
+        vacuum, _ = blocks("own-robot.md", "sh")
         assert "verified synthesis" in follow(vacuum, tmp_path, site)
         assert (tmp_path / "runs" / "vacuum" / "lgrl" / "model.safetensors").exists()
+
+
+class TestKarel:
+    def test_its_checkpoints_are_made_as_the_page_says(self, tmp_path: Path) -> None:
+        _, karel = blocks("own-robot.md", "sh")
+        assert "verified synthesis" in follow(karel, tmp_path, tmp_path)
+        assert (tmp_path / "runs" / "karel" / "inverse" / "model.safetensors").exists()
 
 
 class TestReadme:
@@ -129,7 +142,9 @@ class TestReadme:
                 follow(f"python3 - <<'END'\n{code}END", tmp_path, tmp_path)
 
 
-def test_the_robots_page_shows_how_to_act() -> None:
+def test_the_robots_page_shows_a_scene_and_how_to_act() -> None:
+    (scene,) = blocks("robot.md", "json")
+    validate(Scene.from_json(json.loads(scene)))
     (code,) = blocks("robot.md", "python")
     exec(compile(code, "robot.md", "exec"), found := {})
     assert found["info"]

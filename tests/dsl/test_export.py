@@ -5,11 +5,13 @@ from collections.abc import Callable, Sequence
 from typing import Any
 from xml.etree import ElementTree as Xml
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from random_programs import programs
 
 from evaps.dsl import Limits, Program, run
+from evaps.dsl.errors import UserError
 from evaps.dsl.export import to_behavior_tree, to_function
 
 PATIENCE = 60
@@ -105,6 +107,16 @@ def test_the_function_is_code_that_people_can_read() -> None:
         '        robot.act("TURN_LEFT")\n'
         '    robot.act("ATTACK")\n'
     )
+
+
+@pytest.mark.parametrize("write", [to_function, to_behavior_tree])
+def test_what_is_nested_too_deep_is_told(write: Callable[[Program], str]) -> None:
+    deep = 2000
+    program = Program.parse(
+        " ".join(["DEF run m(", *["REPEAT R=2 r("] * deep, "ATTACK", *["r)"] * deep, "m)"])
+    )
+    with pytest.raises(UserError):
+        write(program)
 
 
 def test_the_tree_names_what_the_robot_has_to_have() -> None:

@@ -70,8 +70,8 @@ def test_a_thing_is_moved_with_the_mouse_and_with_keys(page: Page) -> None:
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.mouse.down()
     page.mouse.move(box["x"] + 60, box["y"] - 80, steps=4)
+    expect(page.locator("#rgb")).not_to_have_attribute("src", str(seen))  # while it is still in the hand
     page.mouse.up()
-    expect(page.locator("#rgb")).not_to_have_attribute("src", str(seen))
     expect(page.locator("#time-text")).to_have_text("0 of 0")
     where = str(demon.get_attribute("aria-label"))
     demon.focus()

@@ -68,7 +68,17 @@ def to_behavior_tree(program: Program) -> str:
     ``Act`` executes ``action`` and succeeds, ``Perceive`` succeeds if ``perception`` is true. All else is of
     the library: ``Sequence``, ``IfThenElse``, ``Repeat``, ``Inverter``, ``AlwaysSuccess``, and for loops
     ``KeepRunningUntilFailure``, whose failure, that of its condition, ``ForceSuccess`` turns into a success.
+
+    Raises:
+        UserError: the program is nested by the hundreds.
     """
+    try:
+        return _behavior_tree(program)
+    except RecursionError as error:
+        raise UserError("this program is nested too deep for a behaviour tree to be written") from error
+
+
+def _behavior_tree(program: Program) -> str:
     root = Xml.Element("root", BTCPP_format="4", main_tree_to_execute="run")
     _sequence(Xml.SubElement(root, "BehaviorTree", ID="run"), program.body)
     model = Xml.SubElement(root, "TreeNodesModel")

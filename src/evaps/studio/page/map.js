@@ -10,6 +10,11 @@ let moved = () => {};
 /** What is to be done when the scene has become another. */
 export const whenMoved = (action) => { moved = action; };
 
+let moving = () => {};
+/** And while something is being dragged. */
+export const whileMoving = (action) => { moving = action; };
+let dragged = false;
+
 const SVG = "http://www.w3.org/2000/svg";
 export function shape(name, attributes, parent) {
   const made = document.createElementNS(SVG, name);
@@ -28,6 +33,7 @@ const reach = (kind) => Math.max(radius(kind), Math.min(24, facts.grid ? (facts.
 const step = () => Math.max(1, Math.round(span(facts.arena.x) / 80)); // a key press, in units of the world
 
 export function drawMap(keep) {
+  if (dragged) return; // what is in the hand must not be drawn anew
   const map = $("map");
   const focused = [...map.querySelectorAll(".thing")].indexOf(document.activeElement);
   keep ??= focused < 0 ? undefined : focused;
@@ -98,11 +104,15 @@ function drawGrid(map) {
     shape("line", { class: "grid", y1: at * scale(), y2: at * scale(), x2: "100%" }, map);
 }
 
+const OTHERS = ["#d0655a", "#5a9a4a", "#a9793a", "#8a6fc0", "#3f9a9a", "#d99a1c"];
+/** How a kind of things is painted: the style sheet knows some, the others have colours in turn. */
+export const look = (kind) => ({ class: `body ${kind}`, fill: OTHERS[Math.max(0, facts.kinds.indexOf(kind)) % OTHERS.length] });
+
 function body(kind, group) {
   const r = radius(kind);
   const square = { x: -r, y: -r, width: 2 * r, height: 2 * r };
   const [name, size] = facts.blocks.includes(kind) ? ["rect", square] : ["circle", { r }];
-  shape(name, { class: `body ${kind}`, ...size }, group);
+  shape(name, { ...look(kind), ...size }, group);
 }
 
 /** A number stands in the middle, and so does a name if there is room for it in the thing; else it stands beside. */
@@ -147,19 +157,25 @@ function drag(event, place) {
   event.preventDefault();
   const [map, group] = [$("map"), event.currentTarget];
   group.focus();
-  const before = [place.x, place.y];
+  let changed = false;
   const other = (e) => e.pointerId !== event.pointerId; // a second finger
   const to = (e) => {
     if (other(e)) return;
     const point = new DOMPoint(e.clientX, e.clientY).matrixTransform(map.getScreenCTM().inverse());
+    const before = [place.x, place.y];
     move(place, point.x / scale() + facts.arena.x[0], facts.arena.y[1] - point.y / scale());
     group.setAttribute("transform", shift(place)); // a finger hears no more of what is drawn anew under it
+    if (place.x === before[0] && place.y === before[1]) return;
+    changed = true;
+    moving();
   };
+  dragged = true;
   const over = new AbortController();
   const end = (e) => {
     if (other(e)) return;
     over.abort();
-    if (place.x !== before[0] || place.y !== before[1]) moved();
+    dragged = false;
+    if (changed) moved();
   };
   addEventListener("pointermove", to, { signal: over.signal });
   for (const name of ["pointerup", "pointercancel"]) addEventListener(name, end, { signal: over.signal });

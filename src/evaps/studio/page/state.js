@@ -17,3 +17,6 @@ export const state = {
   job: null,       // the search that is under way
   budget: 0,       // how many actions it may simulate
 };
+
+const asPython = (actions) => "def run():\n" + actions.map((a) => `    ${facts.calls.actions[a]}\n`).join("");
+export const program = () => (state.byHand ? (state.driven.length ? asPython(state.driven) : null) : $("code").value);
