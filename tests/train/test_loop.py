@@ -1,6 +1,7 @@
 """The training loop: interrupted anywhere, it goes on with the same result."""
 
 import json
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -24,7 +25,9 @@ def new_model() -> nn.Module:
     return nn.Sequential(nn.Linear(4, 8), nn.Dropout(0.5), nn.Linear(8, 1))
 
 
-def train(model: nn.Module, folder: Path, stop_at: int | None = None) -> dict[str, float]:
+def train(
+    model: nn.Module, folder: Path, stop_at: int | None = None, config: FitConfig = CONFIG
+) -> dict[str, float]:
     def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
         if step == stop_at:
             raise KeyboardInterrupt
@@ -36,7 +39,7 @@ def train(model: nn.Module, folder: Path, stop_at: int | None = None) -> dict[st
         x = torch.eye(4)
         return {"score": -F.mse_loss(model(x), x.sum(1, keepdim=True)).item()}
 
-    return fit(model, loss_at, CONFIG, folder, validate, "score")
+    return fit(model, loss_at, config, folder, validate, "score")
 
 
 @pytest.mark.parametrize("stop_at", [1, 7, 19])
@@ -49,8 +52,21 @@ def test_an_interrupted_run_ends_where_a_whole_one_does(tmp_path: Path, stop_at:
     metrics = train(resumed, tmp_path / "broken")
     assert metrics == expected
     assert metrics["best_step"] == 19  # weights from behind every interruption
+    logs = [(tmp_path / run / "metrics.jsonl").read_text() for run in ("whole", "broken")]
+    assert logs[0] == logs[1]  # what was done again has one row
     for a, b in zip(whole.parameters(), resumed.parameters(), strict=True):
         assert torch.equal(a, b)
+
+
+def test_what_was_logged_and_not_saved_is_logged_once(tmp_path: Path) -> None:
+    seldom = replace(CONFIG, save_every=math.inf)
+    with pytest.raises(KeyboardInterrupt):
+        train(new_model(), tmp_path, stop_at=18, config=seldom)
+    with (tmp_path / "metrics.jsonl").open("a") as file:
+        file.write('{"step": 17, "lo')  # the power fails
+    train(new_model(), tmp_path, config=seldom)
+    rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
+    assert [row["step"] for row in rows] == [0, 5, 9, 10, 15, 19]
 
 
 def test_metrics_are_logged_as_json_lines(tmp_path: Path) -> None:

@@ -122,6 +122,7 @@ def fit(
     settings = json.dumps({**asdict(config), **(made_from or {})}, sort_keys=True)
     optimizer = torch.optim.Adam(model.parameters(), lr=config.rate)
     progress = _resume(folder, model, optimizer, settings)
+    _unlog(folder, progress.step, accelerator)
     saved = time.monotonic()
     for step in track(_steps(progress, config), config.steps, folder.name, progress.step):
         metrics = _step(model, optimizer, loss_at, config, step, accelerator)
@@ -208,6 +209,15 @@ def _log(folder: Path, row: dict[str, Any], accelerator: Accelerator) -> None:
     if accelerator.is_main_process:
         with (folder / "metrics.jsonl").open("a") as file:
             file.write(json.dumps({key: round(value, 5) for key, value in row.items()}) + "\n")
+
+
+def _unlog(folder: Path, step: int, accelerator: Accelerator) -> None:
+    """Take back the metrics from a step on, which is done again; an interruption may have cut the last row."""
+    path = folder / "metrics.jsonl"
+    if accelerator.is_main_process and path.exists():
+        rows = [row for row in path.read_text().splitlines(keepends=True) if row.endswith("\n")]
+        kept = "".join(row for row in rows if json.loads(row)["step"] < step)
+        write_atomically(path, kept.encode())
 
 
 def _write(state: dict[str, Any], path: Path, accelerator: Accelerator) -> None:
