@@ -8,15 +8,18 @@ Times are those of two cores without a graphics card.
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from evaps.domain import CHOSEN
+from evaps.metrics import Results, Row
 from evaps.models import needed_for
+from evaps.report.names import name_of
 from evaps.report.summary import (
     answer_table,
     budget_table,
     confidence_table,
-    models_table,
     noise_table,
     steps_table,
     summary_table,
@@ -35,6 +38,7 @@ NOISY_TASKS = 100
 LARGER_OR_LONGER = {
     scale: RESULTS / "verified-models" / f"verified-{scale}.parquet" for scale in ("quick", PLAN.scale)
 }
+ACTIONS, SECONDS = (10, 100, 300, 1_000, 3_000, 10_000), (0.1, 1.0, 10.0)
 COMPARED_TASKS, PATIENCE = 100, 14_000  # with as many actions as four searches may simulate
 WITHOUT = (
     "verified",
@@ -82,19 +86,34 @@ def tables() -> str:
         summary_table(ROWS),
         "By the steps of the task:",
         steps_table(ROWS, "verified"),
-        "Within a budget of simulated actions, or of seconds:",
-        budget_table(ROWS, "verified"),
+        "Within a budget (passes all five / generalizes, in % of the tasks) LGRL's candidates, looked at, EVAPS's "
+        "repairs of them, which is the paper's loop, and the search:",
+        budget_table({**answers_of(METHODS, "lgrl", "evaps"), **answers_of(ROWS)}, ACTIONS, SECONDS),
         "Confidence, and how often answers of that confidence were right:",
         confidence_table(ROWS, "verified"),
         f"With one part left out, or one more, on the first {PART_TASKS} of these tasks:",
         answer_table([PARTS]),
+        "The same within a budget:",
+        budget_table(answers_of(PARTS), ACTIONS, SECONDS),
         f"With noise, on the first {NOISY_TASKS}; goals are compared on pixels that are valid in both views:",
         noise_table(NOISY, "verified"),
         f"With a guide of less data, and other budgets, on the first {COMPARED_TASKS} (passes all five / "
         "generalizes):",
-        models_table({f"{scale} scale": path for scale, path in LARGER_OR_LONGER.items()}, "verified"),
+        budget_table(
+            {
+                f"guide of {scale} scale": Results.read(path).first("verified").answers()
+                for scale, path in LARGER_OR_LONGER.items()
+            },
+            (300, 1_000, CHOSEN.budget, PATIENCE),
+        ),
     ]
     return "\n\n".join(parts)
+
+
+def answers_of(rows: Path, *methods: str) -> dict[str, Sequence[Row]]:
+    """The answers of some or all methods that a file or folder has rows of, by what they are called."""
+    results = Results.read(rows)
+    return {name_of(m): results.first(m).answers() for m in methods or results.methods}
 
 
 def make_tables() -> None:

@@ -12,7 +12,7 @@ from evaps.metrics import Results
 from evaps.report import LEARNING, NOISE, REPORTS, SIZES, report
 from evaps.report.curves import actions, complexity, learning, noise, sizes
 from evaps.report.repairs import edits, effects, rounds
-from evaps.report.summary import models_table, noise_table
+from evaps.report.summary import budget_table, noise_table
 from evaps.report.table import Table
 from evaps.report.tables import table_1, table_2
 
@@ -209,12 +209,11 @@ def test_a_table_by_noise_has_a_line_for_each_share(tmp_path: Path) -> None:
     ]
 
 
-def test_a_table_by_models_and_budgets_counts_what_was_found_within_them(tmp_path: Path) -> None:
+def test_a_table_by_budgets_counts_what_was_found_within_them(tmp_path: Path) -> None:
     costs = (200, 900, 900, 20_000)
-    made = rows("verified", [0, 0, None, 0])
-    for row in made:
-        row |= {"simulated_actions": costs[row["task"]], "pairs_passed": 5 * row["exact"]}
-    pq.write_table(table_of(made), tmp_path / "rows.parquet")
-    assert models_table({"large": tmp_path / "rows.parquet"}, "verified").splitlines()[2:] == [
-        "| large | 4 | 25.0 % / 25.0 % | 50.0 % / 50.0 % | 50.0 % / 50.0 % | 50.0 % / 50.0 % |"
-    ]
+    answers = [row for row in rows("verified", [0, 0, None, 0]) if row["rank"] == 0]
+    for row in answers:
+        row |= {"simulated_actions": costs[row["task"]], "pairs_passed": 5 * row["exact"], "seconds": 2.0}
+    head, _, line = budget_table({"large": answers}, (300, 1_000), (1.0, 10.0)).splitlines()
+    assert head == "| within | tasks | 300 actions | 1,000 actions | 1 s | 10 s |"
+    assert line == "| large | 4 | 25.0 / 25.0 | 50.0 / 50.0 | 0.0 / 0.0 | 75.0 / 75.0 |"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evaps.metrics import METRICS, TITLES, TOP, Results
+from evaps.metrics import METRICS, TITLES, TOP, Results, Row
 from evaps.report.names import name_of
 from evaps.report.paper import GENERALIZATION
 from evaps.tasks.info import STEP_BUCKETS
@@ -110,41 +110,33 @@ def steps_table(rows: Path, method: str) -> str:
     return "\n".join(lines)
 
 
-def budget_table(rows: Path, method: str) -> str:
-    """Markdown: the share of tasks with an answer that passes all five, and generalizes, within a budget."""
-    answers = Results.read(rows).first(method).answers()
-    lines = ["| within | passes all five | generalizes |", "|---|---:|---:|"]
-    limits: list[tuple[str, float, str]] = [
-        *(("simulated_actions", n, f"{n:,} actions") for n in (30, 100, 300, 1_000, 3_000, 10_000)),
-        *(("seconds", s, f"{s:g} s") for s in (0.2, 0.5, 1.0, 3.0, 10.0)),
-    ]
-    for key, limit, name in limits:
-        lines.append(f"| {name} | {' | '.join(_shares_within(answers, key, limit))} |")
-    return "\n".join(lines)
-
-
-def models_table(rows: Mapping[str, Path], method: str) -> str:
-    """Markdown: what larger models and larger budgets are worth to a search.
+def budget_table(
+    answers: Mapping[str, Sequence[Row]], actions: Sequence[int], seconds: Sequence[float] = ()
+) -> str:
+    """Markdown: the shares of tasks with an answer that passes all five, and generalizes, within a budget.
 
     Args:
-        rows: files of the same tasks, by what is said of their models.
-        method: the search.
+        answers: one for each task, by what is said of who gave them.
+        actions: how many may have been simulated.
+        seconds: how many it may have taken.
     """
-    limits = (300, 1_000, 3_500, 14_000)
-    head = ["guide", "tasks", *(f"{n:,} actions" for n in limits)]
+    limits: list[tuple[str, float, str]] = [
+        *(("simulated_actions", n, f"{n:,} actions") for n in actions),
+        *(("seconds", s, f"{s:g} s") for s in seconds),
+    ]
+    head = ["within", "tasks", *(name for _, _, name in limits)]
     lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
-    for name, path in rows.items():
-        answers = Results.read(path).first(method).answers()
-        cells = [" / ".join(_shares_within(answers, "simulated_actions", n)) for n in limits]
-        lines.append(f"| {' | '.join([name, str(len(answers)), *cells])} |")
+    for name, given in answers.items():
+        cells = [_shares_within(given, key, limit) for key, limit, _ in limits]
+        lines.append(f"| {' | '.join([name, str(len(given)), *cells])} |")
     return "\n".join(lines)
 
 
-def _shares_within(answers: Sequence[Mapping[str, Any]], key: str, limit: float) -> tuple[str, str]:
+def _shares_within(answers: Sequence[Row], key: str, limit: float) -> str:
     """Of the answers those that pass all five, and generalize, and have cost no more; in % of all."""
     in_time = [row["pairs_passed"] == EXAMPLES and row[key] <= limit for row in answers]
     right = [there and row["generalization_state"] for there, row in zip(in_time, answers, strict=True)]
-    return f"{100 * np.mean(in_time):.1f} %", f"{100 * np.mean(right):.1f} %"
+    return f"{100 * np.mean(in_time):.1f} / {100 * np.mean(right):.1f}"
 
 
 def confidence_table(rows: Path, method: str) -> str:
@@ -158,7 +150,7 @@ def confidence_table(rows: Path, method: str) -> str:
     return "\n".join(lines)
 
 
-def _shares(answers: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+def _shares(answers: Sequence[Row]) -> tuple[str, str]:
     """Of the answers those that pass all five, and those that generalize; in %."""
     if not answers:
         return "", ""

@@ -212,7 +212,7 @@ def _log(folder: Path, row: dict[str, Any], accelerator: Accelerator) -> None:
 
 
 def _unlog(folder: Path, step: int, accelerator: Accelerator) -> None:
-    """Take back the metrics from a step on, which is done again; an interruption may have cut the last row."""
+    """Take back the metrics from a step on, since it is done again; the last row may have been cut off."""
     path = folder / "metrics.jsonl"
     if accelerator.is_main_process and path.exists():
         rows = [row for row in path.read_text().splitlines(keepends=True) if row.endswith("\n")]
