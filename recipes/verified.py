@@ -86,8 +86,8 @@ def tables() -> str:
         summary_table(ROWS),
         "By the steps of the task:",
         steps_table(ROWS, "verified"),
-        "Within a budget (passes all five / generalizes, in % of the tasks) LGRL's candidates, looked at, EVAPS's "
-        "repairs of them, which is the paper's loop, and the search:",
+        "Within a budget (passes all five / generalizes, in %) LGRL's candidates, looked at, EVAPS's repairs "
+        "of them, which is the paper's loop, and the search:",
         budget_table({**answers_of(METHODS, "lgrl", "evaps"), **answers_of(ROWS)}, ACTIONS, SECONDS),
         "Confidence, and how often answers of that confidence were right:",
         confidence_table(ROWS, "verified"),
