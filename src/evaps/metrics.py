@@ -5,8 +5,9 @@ Rows of several methods and seeds may lie in one file or in many; each (method, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -188,6 +189,15 @@ class Results:
     def first(self, method: str) -> MethodResults:
         """The results of a method's first seed."""
         return self.by_method[method][0]
+
+    def of_tasks(self, tasks: Collection[int]) -> Results:
+        """The same results on some of the tasks only."""
+        fewer = copy(self)
+        fewer.by_method = {
+            method: [replace(run, rows={t: run.rows[t] for t in run.tasks if t in tasks}) for run in runs]
+            for method, runs in self.by_method.items()
+        }
+        return fewer
 
     def top(self, method: str, metric: str, k: int) -> Float[np.ndarray, " seed"]:
         """For each seed the share of tasks, in %, on which any of the first ``k`` candidates matches."""

@@ -64,12 +64,13 @@ def noise(clean: Results, by_share: Mapping[float, Results]) -> Figure:
     """Generalization among the first 1 to 20 candidates, a panel for each share of invalid pixels.
 
     Args:
-        clean: the results without noise.
+        clean: the results without noise; of these the tasks that were judged with noise.
         by_share: those with noise; a method without any is left out.
     """
     judged = {method for results in by_share.values() for method in results.methods}
+    tasks = {t for results in by_share.values() for run in results.each() for t in run.tasks}
     panels = {}
-    for share, results in {0.0: clean, **dict(sorted(by_share.items()))}.items():
+    for share, results in {0.0: clean.of_tasks(tasks), **dict(sorted(by_share.items()))}.items():
         panels[f"{100 * share:.0f} % of the pixels invalid"] = _bands(results, judged)
     return Figure(panels, "candidates", "generalization (%)")
 
