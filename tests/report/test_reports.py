@@ -202,7 +202,7 @@ def test_signs_that_latex_knows_otherwise_are_escaped() -> None:
 def test_noise_is_compared_on_the_tasks_that_were_judged_with_it() -> None:
     clean = results_of(rows("lgrl", [0, None, None, None]))
     panels = noise(clean, {0.2: results_of(rows("lgrl", [0, None]))}).panels
-    assert [list(panel["LGRL"].y)[0] for panel in panels.values()] == [50.0, 50.0]
+    assert [next(iter(panel["LGRL"].y)) for panel in panels.values()] == [50.0, 50.0]
 
 
 def test_a_table_by_noise_has_a_line_for_each_share(tmp_path: Path) -> None:
