@@ -85,7 +85,7 @@ def main(gallery: Gallery) -> None:
         for gold in drawn(Dataset(plan.data), gallery.tasks, gallery.seed)
         for report in answers(gold, models, robots)
     ]
-    write_page(gallery.out, reports, "Gallery", [LEAD.format(gallery.tasks, gallery.seed)])
+    write_page(gallery.out, reports, "Gallery", [LEAD.format(gallery.tasks, gallery.seed)], lossy=True)
     for robot in robots:
         robot.close()
     print(gallery.out)

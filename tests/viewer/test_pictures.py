@@ -1,10 +1,11 @@
+import base64
 from io import BytesIO
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from evaps.viewer.pictures import Pictures, depth_png, rgb_png
+from evaps.viewer.pictures import WEBP_URI, Pictures, depth_png, rgb_png
 
 
 @pytest.mark.parametrize(("colours", "mode"), [(1, "P"), (2, "P"), (17, "P"), (256, "P"), (257, "RGB")])
@@ -27,6 +28,17 @@ def test_depth_is_exact_in_the_indices_and_grey_in_the_colours(furthest):
     assert np.array_equal(grey[..., 0], grey[..., 2])
     assert np.all(np.diff(grey[..., 0].ravel().astype(int)) >= 0)
     assert np.all(grey[depth >= max(furthest, 1)] == 255)
+
+
+def test_a_little_loss_makes_pictures_smaller():
+    rng = np.random.default_rng(0)
+    slope = np.linspace(0, 200, 120 * 160).reshape(120, 160, 1) + rng.integers(0, 30, (120, 160, 3))
+    pixels = slope.astype(np.uint8)
+    uri, exact = (Pictures(lossy=lossy).rgb(pixels).data_uri for lossy in (True, False))
+    assert len(uri) < len(exact) / 2
+    with Image.open(BytesIO(base64.b64decode(uri.removeprefix(WEBP_URI)))) as picture:
+        seen = np.array(picture.convert("RGB")).astype(int)
+    assert np.abs(seen - pixels).mean() < 15
 
 
 def test_equal_pictures_are_there_once():

@@ -23,7 +23,11 @@ CHECKS_SHOWN = 5  # of the conditions evaluated at one view; a loop without an a
 
 
 def write_page(
-    path: Path, reports: Sequence[TaskReport], title: str = TITLE, lead: Sequence[str] = ()
+    path: Path,
+    reports: Sequence[TaskReport],
+    title: str = TITLE,
+    lead: Sequence[str] = (),
+    lossy: bool = False,
 ) -> None:
     """Write the report page of some tasks, with everything that it shows inside.
 
@@ -34,24 +38,30 @@ def write_page(
         reports: the tasks, in the order in which they are shown.
         title: the page's heading.
         lead: paragraphs below it, before what every such page says.
+        lossy: whether pictures may lose a little, which makes the file half as large.
     """
-    write_atomically(path, render_page(reports, title, lead).encode())
+    write_atomically(path, render_page(reports, title, lead, lossy).encode())
 
 
-def render_page(reports: Sequence[TaskReport], title: str = TITLE, lead: Sequence[str] = ()) -> str:
+def render_page(
+    reports: Sequence[TaskReport], title: str = TITLE, lead: Sequence[str] = (), lossy: bool = False
+) -> str:
     """The report page as a text.
 
     Args:
         reports: the tasks, in the order in which they are shown.
         title: the page's heading.
         lead: paragraphs below it, before what every such page says.
+        lossy: whether pictures may lose a little.
     """
     template = _environment().get_template("page.html")
     return template.render(
         reports=reports,
         title=title,
         lead=lead,
-        pictures=Pictures(),  # the template shows pictures; those that it has shown stand at the page's end
+        pictures=Pictures(
+            lossy=lossy
+        ),  # the template shows pictures; those that it has shown stand at the page's end
         most_examples=max((len(r.task.examples) for r in reports), default=0),
         furthest=max((int(e.goal.depth.max()) for r in reports for e in r.task.examples), default=0),
         checks_shown=CHECKS_SHOWN,
