@@ -14,16 +14,14 @@ from pathlib import Path
 from evaps.domain import CHOSEN, DOOM
 
 EXTRAS = {
-    "report": ("matplotlib", "figures of `evaps report`"),
-    "cluster": ("ray", "--engine ray"),
-    "track": ("tensorboard", "--tensorboard"),
-    "viewer": ("fastapi uvicorn", "`evaps studio`"),
-    "hub": ("huggingface_hub", "--model hub:OWNER/NAME"),
+    "report": (["matplotlib"], "figures of `evaps report`"),
+    "cluster": (["ray"], "--engine ray"),
+    "track": (["tensorboard"], "--tensorboard"),
+    "viewer": (["fastapi", "uvicorn"], "`evaps studio`"),
+    "hub": (["huggingface_hub"], "--model hub:OWNER/NAME"),
 }
 LEAST_MEMORY = 4 << 30  # bytes for a synthesis with its five engines
 LEAST_DISK = 5 << 30  # bytes; a data set of 20,000 tasks has 2 GB
-
-
 SHIPPED_FOR = ("doom", "karel")
 """Domains that evaps has checkpoints for."""
 
@@ -53,11 +51,11 @@ def examine() -> Iterator[Finding]:
     for look in (_libraries, _torch, robot, _checkpoints, _cores, _memory, _disk):
         yield _guarded(look)
     for extra, (modules, what) in EXTRAS.items():
-        if missing := [module for module in modules.split() if find_spec(module) is None]:
+        if missing := [module for module in modules if find_spec(module) is None]:
             told = f"{missing[0]} is missing: {what} needs it; try: pip install 'evaps[{extra}]'"
             yield Finding(f"extra {extra}", told, well=False, needed=False)
         else:
-            found = ", ".join(f"{module} {_version(module)}" for module in modules.split())
+            found = ", ".join(f"{module} {_version(module)}" for module in modules)
             yield Finding(f"extra {extra}", found, needed=False)
 
 
