@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import pytest
 from engine_processes import find_engines
-from playwright.sync_api import Page, Route, expect, sync_playwright
+from playwright.sync_api import Page, Request, Route, expect, sync_playwright
 
 from evaps.dsl.interpreter import Limits
 
@@ -21,6 +21,16 @@ from .conftest import TASKS
 CHROMIUM = shutil.which("chromium")
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium here")]
 QUIET = "--no-sandbox --disable-gpu --no-first-run --disable-background-networking --disable-component-update"
+ENDLESS = """def run():
+    if is_there(Demon):
+        while is_there(Demon):
+            if not is_there(Demon):
+                turn_left()
+    else:
+        while not is_there(Demon):
+            if is_there(Demon):
+                turn_left()
+"""
 SECONDS = 10_000  # milliseconds: other tests may have both cores
 
 
@@ -49,6 +59,13 @@ def page(pages: Page) -> Iterator[Page]:
     )
     yield pages
     assert not wrong
+
+
+def middle_of(page: Page, thing: str) -> tuple[float, float]:
+    """Where a thing of the map is on the page."""
+    box = page.locator(f"[aria-label^='{thing}']").bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
 def test_somebody_drives_and_keeps_an_example(page: Page) -> None:
@@ -167,9 +184,7 @@ def test_a_task_that_is_drawn_with_the_mouse_is_solved(page: Page) -> None:
     """Five scenes, the demon somewhere else in each, and the robot is driven by hand."""
     page.get_by_role("button", name="+ Demon").click()
     for number in range(5):
-        box = page.locator("[aria-label^='Demon 1']").bounding_box()
-        assert box is not None
-        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        x, y = middle_of(page, "Demon 1")
         page.mouse.move(x, y)
         page.mouse.down()
         page.mouse.move(x + (30 if number % 2 else -30), y + 12 * number - 20, steps=3)
@@ -201,6 +216,13 @@ def test_a_program_is_written_and_told_where_it_is_wrong(page: Page) -> None:
     expect(page.locator("#lines .at")).to_have_text("    attack()")
 
 
+def test_a_program_that_never_ends_is_told(page: Page) -> None:
+    page.locator("#code").fill(ENDLESS)
+    page.get_by_role("button", name="Run it here").click()
+    expect(page.locator("#now")).to_have_text("stopped: too many steps")
+    expect(page.get_by_role("button", name="Keep this as an example")).to_be_disabled()
+
+
 def test_a_wrong_program_does_not_keep_another_scene_on_the_map(page: Page) -> None:
     page.locator("#code").fill("def run():\n    turn_left()\n")
     expect(page.locator("#code-error")).to_be_empty()
@@ -217,8 +239,9 @@ def test_a_wrong_program_does_not_keep_another_scene_on_the_map(page: Page) -> N
 
 
 def test_five_examples_become_a_program(page: Page) -> None:
-    page.get_by_role("button", name="Make five examples of it").click()
+    page.get_by_role("button", name="Make five examples of it").press("Enter")
     expect(page.locator("#examples li.filled")).to_have_count(5)
+    expect(page.get_by_role("button", name="Make five examples of it")).to_be_focused()
     page.get_by_role("button", name="Synthesize").click()
     expect(page.locator("#verdict")).to_contain_text("It reaches all five goals", timeout=6 * SECONDS)
     expect(page.locator("#found")).to_contain_text("def run():")
@@ -364,6 +387,58 @@ def test_examples_outlive_a_reload(page: Page) -> None:
     page.reload()
     expect(page.locator("#examples img[src]")).to_have_count(10)
     expect(page.get_by_role("button", name="Synthesize")).to_be_enabled()
+
+
+def test_a_search_begins_anew_after_a_reload(page: Page) -> None:
+    """The one that was left behind makes room."""
+    page.get_by_role("button", name="Synthesize").click()
+    expect(page.locator("#progress")).not_to_be_empty()
+    page.reload()
+    page.get_by_role("button", name="Synthesize").click()
+    expect(page.locator("#verdict")).to_be_visible(timeout=6 * SECONDS)
+
+
+def test_the_view_is_of_where_a_thing_is_held(page: Page) -> None:
+    page.get_by_role("tab", name="Drive").click()
+    expect(page.locator("#world.stale")).to_have_count(0)
+    looked_at: list[Request] = []
+    answered: list[Request] = []
+
+    def note(request: Request, where: list[Request]) -> None:
+        if request.url.endswith("/api/run"):
+            where.append(request)
+
+    page.on("request", lambda request: note(request, looked_at))
+    page.on("requestfinished", lambda request: note(request, answered))
+    x, y = middle_of(page, "Demon 1")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for step in range(12):  # quicker than views come
+        page.mouse.move(x - 6 * step, y + 4 * step)
+    page.wait_for_timeout(300)
+    while len(answered) < len(looked_at):
+        page.wait_for_timeout(300)
+    held = looked_at[-1]
+    with page.expect_request("**/api/run"):
+        page.mouse.up()
+    assert looked_at[-1] != held
+    assert looked_at[-1].post_data_json["scene"] == held.post_data_json["scene"]
+    expect(page.locator("#world.stale")).to_have_count(0)
+
+
+def test_what_is_held_goes_when_another_scene_comes(page: Page) -> None:
+    held: list[Route] = []
+    page.route("**/api/random-scene", lambda route: held.append(route))
+    with page.expect_request("**/api/random-scene"):
+        page.get_by_role("button", name="Random scene").click()
+    page.mouse.move(*middle_of(page, "The robot"))
+    page.mouse.down()
+    before = page.locator("[aria-label^='The robot']").get_attribute("aria-label")
+    with page.expect_response("**/api/run"):
+        held[0].continue_()
+    page.mouse.up()
+    expect(page.locator("[aria-label^='The robot']")).not_to_have_attribute("aria-label", str(before))
+    page.unroute("**/api/random-scene")
 
 
 @pytest.mark.parametrize("width", [390, 768, 1280])

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from threading import Event, Lock, Thread
@@ -67,7 +69,7 @@ class Searches:
         Raises:
             EngineError: there is one already, or the machine has no room for it.
         """
-        if not self._busy.acquire(blocking=False):
+        if not self._busy.acquire(timeout=2 * HEARTBEAT) and not self._ends_soon():
             raise EngineError("another search is under way; stop it first, or wait until it ends")
         self._job = job = Job()
         try:
@@ -77,6 +79,11 @@ class Searches:
             self._busy.release()
             raise EngineError(f"the search cannot be started: {error}") from error
         return job
+
+    def _ends_soon(self) -> bool:
+        """Whether a search that was asked to end, or whose page was left, does so."""
+        current = self._job
+        return current is not None and current.stopped.is_set() and self._busy.acquire(timeout=PATIENCE)
 
     def stop(self, job: str) -> bool:
         """Ask a search to end; whether it was under way."""
@@ -114,6 +121,8 @@ class Searches:
         torch.set_num_threads(1)
         if not self._robots:
             self._robots = team_of_robots()
+            with ThreadPoolExecutor() as pool:  # engines take a second to start, which is no search's fault
+                deque(pool.map(lambda robot: robot.reset(task.examples[0].scene), self._robots))
         memo = memo_of(self._robots)
         watch = Watch(lambda news: job.lines.put(news_json(news)), lambda: not job.wanted())
         try:

@@ -224,6 +224,8 @@ class _Search:
             if not self.traces.complete:
                 return []
             for _ in range(FIRST_LOOK << look):
+                if self.watch.stopped():
+                    break
                 self.traces.step(slack=1)
             self.tell("looking for a program that explains all ways")
             explainer = self._explainer(range(len(self.traces.scenes)), limits)
@@ -239,7 +241,7 @@ class _Search:
     def explain_some(self) -> list[Program]:
         """Programs for parts of the scenes where the goal was reached, and LGRL's candidates."""
         programs = [p for part in self._parts() for p in self._explainer(part, SOME).programs()]
-        if not self.proposals and self.parts.beam:
+        if not self.proposals and self.parts.beam and not (programs and self.watch.stopped()):
             self._propose()
         return list(dict.fromkeys([*programs, *self.proposals])) or [NOTHING_FOUND]
 

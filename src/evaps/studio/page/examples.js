@@ -9,6 +9,7 @@ import { $, facts, state } from "./state.js";
 
 /** While other examples are on their way, nothing can be done with those that are there. */
 export async function replaceExamples(work) {
+  const at = document.activeElement;
   state.changing = true;
   enable();
   try {
@@ -16,6 +17,7 @@ export async function replaceExamples(work) {
   } finally {
     state.changing = false;
     enable();
+    if (document.activeElement === document.body) at?.focus(); // a button that is disabled loses the focus
   }
 }
 

@@ -104,9 +104,10 @@ function drawGrid(map) {
     shape("line", { class: "grid", y1: at * scale(), y2: at * scale(), x2: "100%" }, map);
 }
 
+const NEITHER = "#8a8a96"; // what cannot be put there
 const OTHERS = ["#d0655a", "#5a9a4a", "#a9793a", "#8a6fc0", "#3f9a9a", "#d99a1c"];
 /** How a kind of things is painted: the style sheet knows some, the others have colours in turn. */
-export const look = (kind) => ({ class: `body ${kind}`, fill: OTHERS[Math.max(0, facts.kinds.indexOf(kind)) % OTHERS.length] });
+export const look = (kind) => ({ class: `body ${kind}`, fill: OTHERS[facts.kinds.indexOf(kind) % OTHERS.length] ?? NEITHER });
 
 function body(kind, group) {
   const r = radius(kind);
@@ -142,6 +143,7 @@ function item(map, place, label, gone) {
   return group;
 }
 
+const isThere = (place) => isRobot(place) || state.scene.things.includes(place);
 const isRobot = (place) => place === state.scene.robot;
 const stays = (place) => isRobot(place) || place.kind === facts.border;
 const clamp = (value, [low, high]) => Math.min(high, Math.max(low, Math.round(value)));
@@ -161,21 +163,29 @@ function drag(event, place) {
   const other = (e) => e.pointerId !== event.pointerId; // a second finger
   const to = (e) => {
     if (other(e)) return;
+    if (!isThere(place)) { // another scene has come meanwhile
+      letGo();
+      return;
+    }
     const point = new DOMPoint(e.clientX, e.clientY).matrixTransform(map.getScreenCTM().inverse());
     const before = [place.x, place.y];
     move(place, point.x / scale() + facts.arena.x[0], facts.arena.y[1] - point.y / scale());
     group.setAttribute("transform", shift(place)); // a finger hears no more of what is drawn anew under it
     if (place.x === before[0] && place.y === before[1]) return;
+    if (!changed) for (const trace of map.querySelectorAll(".way, .ghost, .put")) trace.remove(); // of a run elsewhere
     changed = true;
     moving();
   };
   dragged = true;
   const over = new AbortController();
-  const end = (e) => {
-    if (other(e)) return;
+  const letGo = () => {
     over.abort();
     dragged = false;
-    if (changed) moved();
+    if (changed && isThere(place)) moved();
+    else drawMap();
+  };
+  const end = (e) => {
+    if (!other(e)) letGo();
   };
   addEventListener("pointermove", to, { signal: over.signal });
   for (const name of ["pointerup", "pointercancel"]) addEventListener(name, end, { signal: over.signal });

@@ -28,20 +28,20 @@ export async function tellReplaced() {
 }
 
 let following = false;
+let behind = false; // the view is of where the thing was before
 /** While something is dragged the view goes along, one question at a time. */
 export async function follow() {
   state.run = null; // what was run was run on another scene
   state.driven = [];
   enable();
+  behind = true;
   if (following) return;
   following = true;
-  try {
-    await refresh(true, null);
-  } catch {
-    // a place where it cannot stay is told when it is let go there
-  } finally {
-    following = false;
+  while (behind) {
+    behind = false;
+    await refresh(true, null).catch(() => {}); // a place where it cannot stay is told when it is let go there
   }
+  following = false;
 }
 
 function refreshSoon() {
@@ -52,6 +52,7 @@ function refreshSoon() {
 /** What was run was run on another scene: until there is an answer for this one, there is nothing to keep. */
 export function sceneChanged() {
   asked++;
+  behind = false;
   state.driven = [];
   forgetRun();
   drawMap();
@@ -85,7 +86,8 @@ export function drawMoment() {
   }));
   const action = state.run.actions?.[state.time];
   const ending = state.run.halted === false ? "stopped: too many steps" : "the end";
-  $("now").textContent = action ? `next: ${facts.words[action]}` : moments.length > 1 ? ending : "";
+  const ended = moments.length > 1 || state.run.halted === false;
+  $("now").textContent = action ? `next: ${facts.words[action]}` : ended ? ending : "";
   $("driven").textContent = state.driven.map((a) => facts.words[a]).join(", ") || "nothing yet";
   enable();
   drawLines(moment.lines);
@@ -155,9 +157,11 @@ let checking;
 export function check() {
   clearTimeout(checking);
   checking = setTimeout(safely(async () => {
-    const found = await askJson("api/check", { program: $("code").value });
+    const text = $("code").value;
+    const found = await askJson("api/check", { program: text });
+    if (text !== $("code").value) return; // there will be another check
     $("code-error").textContent = found.error?.message ?? "";
-    drawLines([], found.error?.line);
+    drawLines(state.run?.program === text ? state.run.moments[state.time].lines : [], found.error?.line);
     enable();
   }), 250);
 }
