@@ -26,7 +26,7 @@ from evaps.metrics import Results
 from evaps.models import METHODS, PROPOSER, SHIPPED, needed_for
 from evaps.models.checkpoint import hash_of
 from evaps.report import report
-from evaps.report.summary import summary_table
+from evaps.report.summary import noise_costs, summary_table
 from evaps.report.tables import differences, scale_note
 from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
@@ -191,6 +191,12 @@ def judge(
     )
 
 
+def noise_page(results: Path) -> str:
+    """What noise costs, for docs/methods.md."""
+    rows = results / "methods"
+    return noise_costs(rows, rows / "noise")
+
+
 def readme_table(results: Path) -> str:
     """The README's table beside the paper's figures, its scale, and what may be said of its differences."""
     rows = results / "methods"
@@ -201,10 +207,12 @@ def readme_table(results: Path) -> str:
 
 
 def main(plan: Plan) -> None:
-    """Make it, and at small scale put the table into the README."""
+    """Make it, and at small scale put the tables into README.md and docs/methods.md."""
     make(plan)
     if plan.scale == "small":
         put(Path("README.md"), "results/small/methods", readme_table(plan.results))
+        if (plan.results / "methods" / "noise").is_dir():
+            put(Path("docs/methods.md"), "noise", noise_page(plan.results))
 
 
 if __name__ == "__main__":

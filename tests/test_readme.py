@@ -11,7 +11,7 @@ from commands import check_commands
 
 from evaps.report.summary import answer_table, bench_table
 from recipes import verified
-from recipes.paper import readme_table
+from recipes.paper import noise_page, readme_table
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -33,6 +33,12 @@ def test_the_figures_of_verified_synthesis_are_those_of_the_committed_rows() -> 
     assert page.split("<!-- verified -->")[1].split("<!-- end -->")[0].strip() == verified.tables()
     shown = README.split("<!-- answers -->")[1].split("<!-- end -->")[0]
     assert shown.strip() == answer_table([verified.METHODS, verified.ROWS])
+
+
+def test_the_figures_about_noise_are_those_of_the_committed_rows() -> None:
+    page = (ROOT / "docs" / "methods.md").read_text()
+    shown = page.split("<!-- noise -->")[1].split("<!-- end -->")[0]
+    assert shown.strip() == noise_page(ROOT / "results" / "small")
 
 
 def test_every_command_it_shows_exists() -> None:

@@ -12,7 +12,7 @@ from evaps.metrics import Results
 from evaps.report import LEARNING, NOISE, REPORTS, SIZES, report
 from evaps.report.curves import actions, complexity, learning, noise, sizes
 from evaps.report.repairs import edits, effects, rounds
-from evaps.report.summary import budget_table, noise_table
+from evaps.report.summary import budget_table, noise_costs, noise_table
 from evaps.report.table import Table
 from evaps.report.tables import table_1, table_2
 
@@ -203,6 +203,15 @@ def test_noise_is_compared_on_the_tasks_that_were_judged_with_it() -> None:
     clean = results_of(rows("lgrl", [0, None, None, None]))
     panels = noise(clean, {0.2: results_of(rows("lgrl", [0, None]))}).panels
     assert [next(iter(panel["LGRL"].y)) for panel in panels.values()] == [50.0, 50.0]
+
+
+def test_what_noise_costs_is_told_on_the_same_tasks(tmp_path: Path) -> None:
+    (tmp_path / "noise").mkdir()
+    pq.write_table(table_of(rows("lgrl", [0, 0, None, None])), tmp_path / "lgrl.parquet")
+    noisy = [row | {"noise": 0.2} for row in rows("lgrl", [0, None])]
+    pq.write_table(table_of(noisy), tmp_path / "noise" / "lgrl-20.parquet")
+    (line,) = noise_costs(tmp_path, tmp_path / "noise").splitlines()[2:]
+    assert line.startswith("| LGRL | 20 % | 2 | 50.0 (-50.0, [-100.0, +0.0]) |")
 
 
 def test_a_table_by_noise_has_a_line_for_each_share(tmp_path: Path) -> None:
