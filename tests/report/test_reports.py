@@ -1,5 +1,6 @@
 """Tables and figures say what the rows say."""
 
+import re
 from pathlib import Path
 
 import pyarrow as pa
@@ -11,6 +12,7 @@ from evaps.dsl import UserError
 from evaps.metrics import Results
 from evaps.report import LEARNING, NOISE, REPORTS, SIZES, report
 from evaps.report.curves import actions, complexity, learning, noise, sizes
+from evaps.report.figure import Figure, Line
 from evaps.report.repairs import edits, effects, rounds
 from evaps.report.summary import budget_table, noise_costs, noise_table
 from evaps.report.table import Table
@@ -129,6 +131,16 @@ def test_noise_has_a_panel_for_each_share_and_shows_who_was_judged_with_it() -> 
         "0 % of the pixels invalid": {"LGRL": 100},
         "20 % of the pixels invalid": {"LGRL": 50},
     }
+
+
+def test_a_legend_has_the_colours_of_its_lines_and_there_are_no_empty_panels() -> None:
+    banded = Line([1, 2], [3, 4], [2, 3], [4, 5])
+    panels = {title: {"one": banded, "two": banded} for title in "abcd"} | {"e": {"two": banded}}
+    svg = Figure(panels, "x", "y").draw()["svg"].decode()
+    legend = svg[svg.index('id="legend_1"') :]
+    colours = re.findall(r'<path d="[^"]*" style="[^"]*stroke: (#\w+)[^"]*"', legend)
+    assert colours == ["#1f77b4", "#ff7f0e"]
+    assert len(re.findall(r'id="axes_\d+"', svg)) == len(panels)
 
 
 def test_sizes_has_a_point_for_each_number_of_tasks() -> None:

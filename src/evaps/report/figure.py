@@ -45,6 +45,11 @@ class Figure:
     log: bool = False
     share_y: bool = True
 
+    @property
+    def names(self) -> list[str]:
+        """Of the lines of all panels; a line has the same colour in each."""
+        return list(dict.fromkeys(name for lines in self.panels.values() for name in lines))
+
     def draw(self) -> dict[str, bytes]:
         """The picture as ``"png"`` and as ``"svg"``.
 
@@ -56,18 +61,20 @@ class Figure:
         except ImportError as error:
             raise UserError("figures need matplotlib; try: pip install 'evaps[report]'") from error
         from matplotlib.figure import Figure as Canvas
+        from matplotlib.lines import Line2D
 
         columns = min(3, len(self.panels))
         rows = -(-len(self.panels) // columns)
         with matplotlib.rc_context({"svg.hashsalt": "evaps", "font.size": 9}):
             canvas = Canvas(figsize=(1.5 + 3.4 * columns, 0.8 + 2.6 * rows), layout="constrained")
-            axes = canvas.subplots(rows, columns, sharex=True, sharey=self.share_y, squeeze=False).flat
+            axes = canvas.subplots(rows, columns, sharex=True, sharey=self.share_y, squeeze=False).ravel()
             for ax, (title, lines) in zip(axes, self.panels.items(), strict=False):
                 self._panel(ax, title, lines)
-            for ax in list(axes)[len(self.panels) :]:
+            for ax in axes[len(self.panels) :]:
                 ax.set_visible(False)
-            names = list(dict.fromkeys(name for lines in self.panels.values() for name in lines))
-            canvas.legend(names, loc="outside lower center", ncols=min(4, len(names)), frameon=False)
+            names = self.names
+            keys = [Line2D([], [], marker=".", color=f"C{i}") for i in range(len(names))]  # bands have none
+            canvas.legend(keys, names, loc="outside lower center", ncols=min(4, len(names)), frameon=False)
             png, svg = io.BytesIO(), io.BytesIO()
             canvas.savefig(png, format="png", dpi=160)
             canvas.set_layout_engine("none")  # what was laid out stays where it is
@@ -75,10 +82,8 @@ class Figure:
         return {"png": png.getvalue(), "svg": svg.getvalue()}
 
     def _panel(self, ax: Any, title: str, lines: Mapping[str, Line]) -> None:
-        names = list(dict.fromkeys(name for panel in self.panels.values() for name in panel))
-        for name in names:  # the same order in every panel, so that the legend is right for all
-            line = lines.get(name, Line((), ()))
-            color = f"C{names.index(name)}"
+        for name, line in lines.items():
+            color = f"C{self.names.index(name)}"
             ax.plot(line.x, line.y, ".-", color=color, linewidth=1.2, markersize=4)
             if len(line.low):
                 ax.fill_between(line.x, line.low, line.high, color=color, alpha=0.15, linewidth=0)
