@@ -66,15 +66,16 @@ class Figure:
         columns = min(3, len(self.panels))
         rows = -(-len(self.panels) // columns)
         with matplotlib.rc_context({"svg.hashsalt": "evaps", "font.size": 9}):
-            canvas = Canvas(figsize=(1.5 + 3.4 * columns, 0.8 + 2.6 * rows), layout="constrained")
+            canvas = Canvas(figsize=(max(6.4, 1.5 + 3.4 * columns), 0.8 + 2.6 * rows), layout="constrained")
             axes = canvas.subplots(rows, columns, sharex=True, sharey=self.share_y, squeeze=False).ravel()
             for ax, (title, lines) in zip(axes, self.panels.items(), strict=False):
                 self._panel(ax, title, lines)
             for ax in axes[len(self.panels) :]:
                 ax.set_visible(False)
             names = self.names
-            keys = [Line2D([], [], marker=".", color=f"C{i}") for i in range(len(names))]  # bands have none
-            canvas.legend(keys, names, loc="outside lower center", ncols=min(4, len(names)), frameon=False)
+            keys = [Line2D([], [], marker=".", **_style(i)) for i in range(len(names))]  # bands have none
+            beside = min(columns + 1, len(names))
+            canvas.legend(keys, names, loc="outside lower center", ncols=beside, frameon=False)
             png, svg = io.BytesIO(), io.BytesIO()
             canvas.savefig(png, format="png", dpi=160)
             canvas.set_layout_engine("none")  # what was laid out stays where it is
@@ -83,12 +84,17 @@ class Figure:
 
     def _panel(self, ax: Any, title: str, lines: Mapping[str, Line]) -> None:
         for name, line in lines.items():
-            color = f"C{self.names.index(name)}"
-            ax.plot(line.x, line.y, ".-", color=color, linewidth=1.2, markersize=4)
+            style = _style(self.names.index(name))
+            ax.plot(line.x, line.y, marker=".", linewidth=1.2, markersize=4, **style)
             if len(line.low):
-                ax.fill_between(line.x, line.low, line.high, color=color, alpha=0.15, linewidth=0)
+                ax.fill_between(line.x, line.low, line.high, color=style["color"], alpha=0.15, linewidth=0)
         ax.set(title=title, xlabel=self.x, ylabel=self.y)
         ax.label_outer()
         ax.grid(alpha=0.3)
         if self.log:
             ax.set_xscale("log")
+
+
+def _style(index: int) -> dict[str, Any]:
+    """Colour and dashes of a line; there are ten colours, so the next ten lines are dashed."""
+    return {"color": f"C{index % 10}", "linestyle": "-" if index < 10 else "--"}

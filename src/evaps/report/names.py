@@ -21,7 +21,7 @@ NAMES = {
     "sed-search": "SED, best-first",
     "enumeration": "enumeration of programs by cost",
     "blind": "blind: programs drawn from the prior until one passes",
-    "prior": "as many programs as a beam has, drawn from the prior",
+    "prior": "draws from the prior",
 }
 
 
