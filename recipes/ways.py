@@ -40,11 +40,12 @@ def goals_reached(plan: Plan) -> dict[int, int]:
     memo = memo_of(team_of_robots())
     reached = {}
     for position, frames in track(dataset.frames(tasks), len(tasks), "tasks"):
-        gold = gold_task(dataset.rows[position], frames)
+        row = dataset.rows[position]
+        task = gold_task(row, frames).task
         memo.forget()
-        ways = follow(model.synthesizer.policy, gold.task, memo, FeatureTable(model.encoder, 0.0))
-        reached[int(gold.name.removeprefix("task-"))] = sum(way.reached for way in ways)
-    memo.leave()
+        ways = follow(model.synthesizer.policy, task, memo, FeatureTable(model.encoder, 0.0))
+        reached[row["index"]] = sum(way.reached for way in ways)
+    memo.close()
     return reached
 
 

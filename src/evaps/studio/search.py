@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -122,7 +121,7 @@ class Searches:
         if not self._robots:
             self._robots = team_of_robots()
             with ThreadPoolExecutor() as pool:  # engines take a second to start, which is no search's fault
-                deque(pool.map(lambda robot: robot.reset(task.examples[0].scene), self._robots))
+                list(pool.map(lambda robot: robot.reset(task.examples[0].scene), self._robots))
         memo = memo_of(self._robots)
         watch = Watch(lambda news: job.lines.put(news_json(news)), lambda: not job.wanted())
         try:

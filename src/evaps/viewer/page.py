@@ -59,9 +59,8 @@ def render_page(
         reports=reports,
         title=title,
         lead=lead,
-        pictures=Pictures(
-            lossy=lossy
-        ),  # the template shows pictures; those that it has shown stand at the page's end
+        # The template shows pictures; those that it has shown stand at the page's end.
+        pictures=Pictures(lossy=lossy),
         most_examples=max((len(r.task.examples) for r in reports), default=0),
         furthest=max((int(e.goal.depth.max()) for r in reports for e in r.task.examples), default=0),
         checks_shown=CHECKS_SHOWN,

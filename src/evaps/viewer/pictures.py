@@ -65,7 +65,10 @@ class Pictures:
     def _uri(self, pixels: Image, furthest: int) -> str:
         if pixels.ndim == 2:
             return data_uri(depth_png(pixels, furthest))
-        return data_uri(_lossy_webp(pixels), WEBP_URI) if self.lossy else data_uri(rgb_png(pixels))
+        if self.lossy:
+            webp = _encoded(Picture.fromarray(pixels), "WEBP", quality=QUALITY, method=6)
+            return data_uri(webp, WEBP_URI)
+        return data_uri(rgb_png(pixels))
 
 
 def data_uri(content: bytes, begin: str = PNG_URI) -> str:
@@ -98,12 +101,6 @@ def depth_png(depth: Image, furthest: int) -> bytes:
     return _palette_png(depth, np.repeat(levels[: int(depth.max()) + 1, None], 3, 1))
 
 
-def _lossy_webp(pixels: Image) -> bytes:
-    file = BytesIO()
-    Picture.fromarray(pixels).save(file, "WEBP", quality=QUALITY, method=6)
-    return file.getvalue()
-
-
 def _palette_png(indices: Image, palette: Image) -> bytes:
     picture = Picture.fromarray(indices)
     picture.putpalette(palette.tobytes())
@@ -111,6 +108,10 @@ def _palette_png(indices: Image, palette: Image) -> bytes:
 
 
 def _png(picture: Picture.Image) -> bytes:
+    return _encoded(picture, "PNG", optimize=True)
+
+
+def _encoded(picture: Picture.Image, kind: str, **options: int) -> bytes:
     file = BytesIO()
-    picture.save(file, "PNG", optimize=True)
+    picture.save(file, kind, **options)
     return file.getvalue()
