@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from evaps.dsl.layout import Layout
 from evaps.dsl.nodes import (
     Action,
@@ -21,6 +24,7 @@ from evaps.dsl.nodes import (
 )
 from evaps.dsl.parsing import ProgramError, parse_body
 from evaps.dsl.syntax import PYTHON_FORM, TOKEN_FORM
+from evaps.dsl.vocab import VOCAB
 
 __all__ = [
     "Action",
@@ -90,6 +94,11 @@ class Program:
             ValueError: the tree, built by hand, has an unknown word or an empty block.
         """
         return tuple(self._layout.pieces)
+
+    @cached_property
+    def token_ids(self) -> NDArray[np.int64]:
+        """The tokens' numbers in VOCAB, int64 ``[token]``."""
+        return np.array(VOCAB.encode(self.tokens), np.int64)
 
     def __str__(self) -> str:
         return " ".join(self.tokens)

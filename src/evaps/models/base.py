@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from evaps.dsl import VOCAB, Program
+from evaps.dsl import Program
 
 Features = Float[Tensor, "batch pair 2 feature"]
 """For every pair of every task, the embeddings of the first observation and of the goal."""
@@ -155,7 +155,7 @@ def masked_likelihood(
     return F.cross_entropy(logits.transpose(1, 2), tokens, ignore_index=0, reduction="none")
 
 
-def pad(rows: Sequence[Sequence[int]], value: int = 0) -> Int[Tensor, "row longest"]:
+def pad(rows: Sequence[Sequence[int] | Int[np.ndarray, " _"]], value: int = 0) -> Int[Tensor, "row longest"]:
     """Integer rows of different lengths as one tensor."""
     out = np.full((len(rows), max(map(len, rows))), value, np.int64)
     for i, row in enumerate(rows):
@@ -178,7 +178,7 @@ class Joined(NamedTuple):
         counts = [len(p.segments) for p in programs]
         starts = np.cumsum([0, *counts[:-1]]).tolist()
         each = zip(programs, starts, strict=True)
-        segments = pad([[s + start for s in p.token_segments] for p, start in each])
+        segments = pad([np.add(p.token_segments, start) for p, start in each])
         owner = torch.from_numpy(np.repeat(np.arange(len(programs)), counts))
-        tokens = pad([VOCAB.encode(p.tokens) for p in programs])
+        tokens = pad([p.token_ids for p in programs])
         return cls(tokens.to(device), segments.to(device), owner.to(device), starts)
