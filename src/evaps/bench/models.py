@@ -21,6 +21,7 @@ from evaps.models.inferred_trace import STOP
 from evaps.robots.doom import DoomRobot
 from evaps.synthesis import SPARES, memo_of, solve
 from evaps.synthesis.features import embed
+from evaps.synthesis.mistakes import Mistakes
 from evaps.synthesis.ways import Way, WayTable
 from evaps.tasks.generate import Draft
 from evaps.tasks.task import EXAMPLES
@@ -86,13 +87,17 @@ def _training(
 ) -> tuple[Callable[[], Any], Callable[[Any], torch.Tensor]]:
     """What makes a batch, and what becomes of it, as in a training."""
     from evaps.train.lessons import Lessons
+    from evaps.train.repairers import mistake_batch
 
     table = torch.randn(ROWS, 256).to(device())
     if isinstance(method, Repairer):
         wrong = [_execution(mutate(program, rng), rng) for program in programs]
+        mistakes = Mistakes(
+            [0] * len(wrong), wrong, list(programs), [1] * len(wrong), np.zeros((0, 256), np.float16)
+        )
         return (
-            lambda: method.batch(wrong, programs, device()),
-            lambda batch: method.batch_loss(batch, table),
+            lambda: mistake_batch(method, mistakes, range(len(wrong)), table),
+            lambda batch: method.batch_loss(*batch),
         )
     lessons = Lessons.of([VOCAB.encode(program.tokens) for program in programs])
     ways = WayTable.of([[_way(rng) for _ in range(EXAMPLES)] for _ in programs], table)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -82,14 +83,21 @@ def _wrong(run: Run, position: int, programs: Sequence[Program]) -> list[str]:
 
 
 def mistake_loss(model: Repairer, mistakes: Mistakes, rows: Iterable[int], table: Tensor) -> Tensor:
-    """The repairer's loss on the chosen mistakes; only the embeddings that they use are taken along."""
-    executions = [mistakes.executions[i] for i in rows]
-    used = np.unique(np.concatenate([rows.ravel() for e in executions for rows in e.rows()]))
+    """The repairer's loss on the chosen mistakes."""
+    return model.batch_loss(*mistake_batch(model, mistakes, rows, table))
+
+
+def mistake_batch(
+    model: Repairer, mistakes: Mistakes, rows: Iterable[int], table: Tensor
+) -> tuple[Any, Tensor]:
+    """The chosen mistakes as the repairer's tensors, and those embeddings that they use, in float32."""
+    chosen = list(rows)
+    executions = [mistakes.executions[i] for i in chosen]
+    used = np.unique(np.concatenate([seen.ravel() for e in executions for seen in e.rows()]))
     used = used[used >= 0]
     small = [e.renumbered(used) for e in executions]
-    targets = [mistakes.targets[i] for i in rows]
-    batch = model.batch(small, targets, table.device)
-    return model.batch_loss(batch, table[torch.from_numpy(used).to(table.device)].float())
+    batch = model.batch(small, [mistakes.targets[i] for i in chosen], table.device)
+    return batch, table[torch.from_numpy(used).to(table.device)].float()
 
 
 def _mean_loss(model: Repairer, mistakes: Mistakes, table: Tensor) -> float:
