@@ -55,6 +55,8 @@ NOISY = (PROPOSER, "evaps")
 NOISY_TASKS = 400  # of the test tasks: the first ones
 SHIP = ("encoder", "inverse", PROPOSER, "evaps")
 """The checkpoints that come with the package."""
+SHARED = ("encoder", "inverse")
+"""What all seeds have from the first one: it learns from random walks, and is no part of what is compared."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class Plan:
     scale: str = "small"
     """smoke, quick, small or paper."""
     seeds: tuple[int, ...] = (0,)
-    """Of the trainings."""
+    """Of the trainings; all share the encoder and the inverse model of seed 0."""
     methods: tuple[str, ...] = PAPER
     """Who is trained and judged."""
     tasks: int = 1_000
@@ -134,13 +136,14 @@ def make_data(plan: Plan) -> None:
 
 
 def make_checkpoint(plan: Plan, seed: int, method: str) -> None:
-    """Take what is shipped, or train it: `evaps train METHOD --data DATA --out RUNS --seed SEED`."""
+    """Take what is there, or train it: `evaps train METHOD --data DATA --out RUNS --seed SEED`."""
     folder = plan.runs(seed) / method
     shipped = SHIPPED / plan.scale / method
-    if not folder.exists() and seed == 0 and shipped.is_dir() and not plan.retrain:
-        part = folder.with_name(f".{method}.part")
-        shutil.copytree(shipped, part, dirs_exist_ok=True)
-        part.rename(folder)  # whole, or not there
+    if seed and method in SHARED:
+        make_checkpoint(plan, 0, method)
+        take(plan.runs(0) / method, folder)
+    elif seed == 0 and shipped.is_dir() and not plan.retrain:
+        take(shipped, folder)
     if not (folder / "config.json").exists():
         train(method, plan.data, plan.runs(seed), plan.scale, seed, Workers(plan.workers))
     if (metrics := folder / "metrics.jsonl").exists() and method in METHODS:
@@ -149,12 +152,22 @@ def make_checkpoint(plan: Plan, seed: int, method: str) -> None:
         shutil.copy(metrics, target)
 
 
+def take(checkpoint: Path, folder: Path) -> None:
+    """Copy a checkpoint to a folder that is not there: whole, or not at all."""
+    if folder.exists():
+        return
+    part = folder.with_name(f".{folder.name}.part")
+    part.mkdir(parents=True, exist_ok=True)
+    for name in ("config.json", "model.safetensors"):
+        shutil.copy(checkpoint / name, part / name)
+    part.rename(folder)
+
+
 def ship(plan: Plan, method: str) -> None:
     """Copy a checkpoint of seed 0 to those that come with evaps."""
     target = SHIPPED / plan.scale / method
-    target.mkdir(parents=True, exist_ok=True)
-    for name in ("config.json", "model.safetensors"):
-        shutil.copy(plan.runs(0) / method / name, target / name)
+    shutil.rmtree(target, ignore_errors=True)
+    take(plan.runs(0) / method, target)
 
 
 def make_rows(plan: Plan, seed: int, method: str, noise: float = 0.0) -> None:

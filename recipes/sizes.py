@@ -19,7 +19,16 @@ from evaps.report import SIZES, report
 from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
 from evaps.train import train
-from recipes.paper import DATA_SEED, Plan, judge, make_checkpoint, make_data, with_what_is_needed
+from recipes.paper import (
+    DATA_SEED,
+    SHARED,
+    Plan,
+    judge,
+    make_checkpoint,
+    make_data,
+    take,
+    with_what_is_needed,
+)
 
 
 @dataclass(frozen=True)
@@ -39,8 +48,8 @@ def make_rows(plan: Plan, tasks: int, method: str) -> None:
     data, runs = plan.root / "data" / f"{plan.scale}-{tasks}", Path(f"{plan.runs(0)}-{tasks}")
     generate(data, tasks, DATA_SEED, Workers(plan.workers))
     for name in with_what_is_needed((method,)):
-        if name in ("encoder", "inverse"):
-            shutil.copytree(plan.runs(0) / name, runs / name, dirs_exist_ok=True)
+        if name in SHARED:
+            take(plan.runs(0) / name, runs / name)
         elif not (runs / name / "config.json").exists():
             train(name, data, runs, plan.scale, 0, Workers(plan.workers))
     judge(plan, runs, (method,), rows_of(plan, method, str(tasks)))

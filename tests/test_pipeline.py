@@ -14,7 +14,7 @@ from safetensors.torch import load_file
 from evaps.dsl import Program, UserError
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import EvaluationPart, _facts, evaluate, evaluate_part
-from evaps.models.checkpoint import CheckpointError
+from evaps.models.checkpoint import CheckpointError, hash_of
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import Workers
@@ -74,6 +74,16 @@ def test_the_recipe_makes_nothing_again(plan: Plan) -> None:
     before = {path: path.stat().st_mtime_ns for path in files if path.is_file()}
     make(plan)
     assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+def test_another_seed_trains_the_method_and_shares_the_encoder(plan: Plan) -> None:
+    make(replace(plan, seeds=(1,), methods=("lgrl",)))
+    same = {
+        name: hash_of(plan.runs(0) / name) == hash_of(plan.runs(1) / name)
+        for name in ("encoder", "inverse", "lgrl")
+    }
+    assert same == {"encoder": True, "inverse": True, "lgrl": False}
+    assert "2 seeds" in (plan.results / "report" / "table-1.md").read_text()
 
 
 def test_each_training_needs_what_comes_before_it(data: Path, tmp_path: Path) -> None:
