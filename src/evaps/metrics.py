@@ -192,9 +192,9 @@ class Results:
 
     def of_tasks(self, tasks: Collection[int]) -> Results:
         """The same results on some of the tasks only."""
-        fewer = copy(self)
+        fewer, wanted = copy(self), set(tasks)
         fewer.by_method = {
-            method: [replace(run, rows={t: run.rows[t] for t in run.tasks if t in tasks}) for run in runs]
+            method: [replace(run, rows={t: run.rows[t] for t in run.tasks if t in wanted}) for run in runs]
             for method, runs in self.by_method.items()
         }
         return fewer

@@ -12,6 +12,7 @@ import numpy as np
 from evaps.metrics import METRICS, TITLES, TOP, MethodResults, Results, Row, bootstrap
 from evaps.report.names import name_of
 from evaps.report.paper import GENERALIZATION
+from evaps.report.table import markdown_cells
 from evaps.tasks.info import STEP_BUCKETS
 from evaps.tasks.task import EXAMPLES
 
@@ -26,7 +27,7 @@ def summary_table(rows: Path, beside_paper: bool = False) -> str:
     results = Results.read(rows)
     paper = ["generalization in the paper"] if beside_paper else []
     head = ["method", *(TITLES[m] for m in METRICS), *paper, "answer", "seconds", "simulated actions"]
-    lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
+    table = []
     for run in results.each():
         matches = [
             " / ".join(f"{100 * run.matches(metric, k).mean():.1f}" for k in TOP) for metric in METRICS
@@ -35,8 +36,8 @@ def summary_table(rows: Path, beside_paper: bool = False) -> str:
             matches.append(" / ".join(f"{share:.1f}" for share in GENERALIZATION.get(run.method, ())))
         costs = [f"{100 * run.answered().mean():.1f}", f"{run.column('seconds').mean():.2f}"]
         costs.append(f"{run.column('simulated_actions').mean():.0f}")
-        lines.append(f"| {' | '.join([name_of(run.method), *matches, *costs])} |")
-    return "\n".join(lines)
+        table.append([name_of(run.method), *matches, *costs])
+    return markdown_cells(head, table)
 
 
 def summary_values(rows: Path) -> list[dict[str, Any]]:
@@ -66,7 +67,7 @@ def answer_table(rows: Sequence[Path]) -> str:
         "actions, median",
         "95 %",
     ]
-    lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
+    table = []
     for path in rows:
         for run in Results.read(path).each():
             method, answers = run.method, run.answers()
@@ -76,8 +77,8 @@ def answer_table(rows: Sequence[Path]) -> str:
             actions = np.percentile([row["simulated_actions"] for row in answers], [50, 95])
             cells = [f"{100 * np.mean(x):.1f} %" for x in (solved, right)]
             cells += [f"{x:.2f}" for x in seconds] + [f"{x:.0f}" for x in actions]
-            lines.append(f"| {' | '.join([name_of(method), str(len(answers)), *cells])} |")
-    return "\n".join(lines)
+            table.append([name_of(method), str(len(answers)), *cells])
+    return markdown_cells(head, table)
 
 
 def noise_table(rows: Path, method: str) -> str:
@@ -87,16 +88,13 @@ def noise_table(rows: Path, method: str) -> str:
         rows: a folder of files, one for each share.
         method: of which method.
     """
-    lines = [
-        "| invalid pixels | tasks | passes all five | generalizes | seconds, median |",
-        "|---|---:|---:|---:|---:|",
-    ]
+    table = []
     for share, results in sorted(Results.by_column(rows, "noise").items()):
         answers = results.first(method).answers()
         seconds = np.median([row["seconds"] for row in answers])
-        cells = [f"{100 * share:.0f} %", str(len(answers)), *_shares(answers), f"{seconds:.2f}"]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        table.append([f"{100 * share:.0f} %", str(len(answers)), *_shares(answers), f"{seconds:.2f}"])
+    head = ["invalid pixels", "tasks", "passes all five", "generalizes", "seconds, median"]
+    return markdown_cells(head, table)
 
 
 def noise_costs(rows: Path, noisy: Path) -> str:
@@ -108,10 +106,7 @@ def noise_costs(rows: Path, noisy: Path) -> str:
         rows: a folder of files without noise.
         noisy: a folder of files with it; a method's first seed counts.
     """
-    lines = [
-        f"| method | invalid pixels | tasks | {' | '.join(f'@{k}' for k in TOP)} |",
-        f"|---|{'---:|' * (2 + len(TOP))}",
-    ]
+    table = []
     clean = Results.read(rows)
     by_share = sorted(Results.by_column(noisy, "noise").items())
     for method in dict.fromkeys(method for _, results in by_share for method in results.methods):
@@ -120,10 +115,9 @@ def noise_costs(rows: Path, noisy: Path) -> str:
                 continue
             run = results.first(method)
             whole = clean.of_tasks(run.tasks).first(method)
-            cells = [_change(whole, run, k) for k in TOP]
             name = [name_of(method), f"{100 * share:.0f} %", str(len(run.tasks))]
-            lines.append(f"| {' | '.join([*name, *cells])} |")
-    return "\n".join(lines)
+            table.append([*name, *(_change(whole, run, k) for k in TOP)])
+    return markdown_cells(["method", "invalid pixels", "tasks", *(f"@{k}" for k in TOP)], table)
 
 
 def _change(before: MethodResults, after: MethodResults, k: int) -> str:
@@ -136,12 +130,11 @@ def _change(before: MethodResults, after: MethodResults, k: int) -> str:
 def steps_table(rows: Path, method: str) -> str:
     """Markdown: how often a method's answer passes and generalizes, by the steps of the task."""
     answers = Results.read(rows).first(method).answers()
-    lines = ["| steps | tasks | passes all five | generalizes |", "|---|---:|---:|---:|"]
+    table = []
     for bucket, name in enumerate(STEP_BUCKETS):
         there = [row for row in answers if min(row["steps"], 7) - 2 == bucket]
-        shares = _shares(there)
-        lines.append(f"| {name} | {len(there)} | {shares[0]} | {shares[1]} |")
-    return "\n".join(lines)
+        table.append([name, str(len(there)), *_shares(there)])
+    return markdown_cells(["steps", "tasks", "passes all five", "generalizes"], table)
 
 
 def budget_table(
@@ -158,12 +151,11 @@ def budget_table(
         *(("simulated_actions", n, f"{n:,} actions") for n in actions),
         *(("seconds", s, f"{s:g} s") for s in seconds),
     ]
-    head = ["within", "tasks", *(name for _, _, name in limits)]
-    lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
-    for name, given in answers.items():
-        cells = [_shares_within(given, key, limit) for key, limit, _ in limits]
-        lines.append(f"| {' | '.join([name, str(len(given)), *cells])} |")
-    return "\n".join(lines)
+    table = [
+        [name, str(len(given)), *(_shares_within(given, key, limit) for key, limit, _ in limits)]
+        for name, given in answers.items()
+    ]
+    return markdown_cells(["within", "tasks", *(name for _, _, name in limits)], table)
 
 
 def _shares_within(answers: Sequence[Row], key: str, limit: float) -> str:
@@ -176,12 +168,12 @@ def _shares_within(answers: Sequence[Row], key: str, limit: float) -> str:
 def confidence_table(rows: Path, method: str) -> str:
     """Markdown: how often answers of a confidence generalize, of those that pass all five."""
     answers = [r for r in Results.read(rows).first(method).answers() if r["pairs_passed"] == EXAMPLES]
-    lines = ["| confidence | answers | generalize |", "|---|---:|---:|"]
+    table = []
     for low, high in ((0.0, 0.5), (0.5, 0.7), (0.7, 0.9), (0.9, 1.0), (1.0, 1.1)):
         there = [row for row in answers if low <= row["confidence"] + 1e-6 < high]
         name = "1" if low == 1.0 else f"{low} to {high}"
-        lines.append(f"| {name} | {len(there)} | {_shares(there)[1]} |")
-    return "\n".join(lines)
+        table.append([name, str(len(there)), _shares(there)[1]])
+    return markdown_cells(["confidence", "answers", "generalize"], table)
 
 
 def _shares(answers: Sequence[Row]) -> tuple[str, str]:
@@ -195,5 +187,5 @@ def _shares(answers: Sequence[Row]) -> tuple[str, str]:
 def bench_table(rows: Path) -> str:
     """The figures of ``evaps bench`` as Markdown, from the file that its ``--out`` wrote."""
     figures = [json.loads(line) for line in rows.read_text().splitlines()]
-    lines = [f"| {f['name']} | {f['value']:.4g} {f['unit']} | {f['target']} |" for f in figures]
-    return "\n".join(["| what | measured | target |", "|---|---:|---:|", *lines])
+    table = [[f["name"], f"{f['value']:.4g} {f['unit']}", f["target"]] for f in figures]
+    return markdown_cells(["what", "measured", "target"], table)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 
@@ -28,10 +28,9 @@ class Table:
 
     def markdown(self) -> str:
         """With its title and its notes."""
-        lines = [f"| {' | '.join(self.head)} |", f"|---{'|---:' * (len(self.head) - 1)}|"]
-        lines += [f"| {' | '.join(row)} |" for row in self.rows]
         number = f"Table {self.number}. " if self.number else ""
-        return "\n\n".join([f"**{number}{self.title}**", "\n".join(lines), *self.notes]) + "\n"
+        cells = markdown_cells(self.head, self.rows)
+        return "\n\n".join([f"**{number}{self.title}**", cells, *self.notes]) + "\n"
 
     def latex(self) -> str:
         """A ``table`` environment that needs the package booktabs."""
@@ -54,6 +53,12 @@ class Table:
         out = io.StringIO()
         csv.writer(out, lineterminator="\n").writerows([self.head, *self.rows])
         return out.getvalue()
+
+
+def markdown_cells(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """The cells alone, as Markdown; all columns but the first are of numbers."""
+    lines = [f"| {' | '.join(head)} |", f"|---{'|---:' * (len(head) - 1)}|"]
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
 
 
 def _escaped(text: str) -> str:
