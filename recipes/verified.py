@@ -26,6 +26,7 @@ from evaps.report.summary import (
     steps_table,
     summary_table,
 )
+from evaps.report.table import markdown_cells
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.task import EXAMPLES
 from recipes.pages import put
@@ -105,14 +106,12 @@ def _traits(program: str) -> list[str]:
 
 def missing_table() -> str:
     """Markdown: `count_missing`, in % of the tasks with such programs."""
-    lines = [
-        "| the hidden program has | tasks | generalizes | passes all five, and is wrong | not found |",
-        "|---|---:|---:|---:|---:|",
+    head = ["the hidden program has", "tasks", "generalizes", "passes all five, and is wrong", "not found"]
+    rows = [
+        [trait, str(sum(became)), *(f"{100 * n / sum(became):.1f} %" for n in became)]
+        for trait, became in json.loads(MISSING.read_text()).items()
     ]
-    for trait, became in json.loads(MISSING.read_text()).items():
-        shares = (f"{100 * n / sum(became):.1f} %" for n in became)
-        lines.append(f"| {trait} | {sum(became)} | {' | '.join(shares)} |")
-    return "\n".join(lines)
+    return markdown_cells(head, rows)
 
 
 def tables() -> str:
