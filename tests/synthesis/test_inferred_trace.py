@@ -52,9 +52,8 @@ def test_it_learns_32_tasks_by_heart_from_what_its_policy_does(robot: MemoRobot)
     gold = [gold_ways(draft.program, task, robot, table) for draft, task in zip(drafts, tasks, strict=True)]
     taught = WayTable.of(gold, table.table).batch(TASKS, CPU)
     learn(net.policy, lambda: net.policy.loss(taught)[0], below=0.01)
-    ways = WayTable.of(
-        list(map(follow, repeat(net.policy), tasks, repeat(robot), repeat(table))), table.table
-    )
+    own = [follow(net.policy, task, robot, table) for task in tasks]
+    ways = WayTable.of(own, table.table)
     assert ways.reached.mean() >= 0.95
 
     gone = ways.batch(TASKS, CPU)
