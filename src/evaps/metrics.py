@@ -24,6 +24,7 @@ TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state"
 METRICS = tuple(TITLES)
 TOP = (1, 5, 20)
 DRAWS = 10_000
+DRAWN_TOGETHER = 1 << 20  # tasks, so that a bootstrap of any number of them takes a few megabytes
 Row = Mapping[str, Any]
 
 
@@ -270,10 +271,13 @@ def bootstrap(values: Float[np.ndarray, "seed task"], seed: int = 0, draws: int 
     """
     rng = np.random.default_rng(seed)
     seeds, tasks = values.shape
+    together = max(1, DRAWN_TOGETHER // tasks)
     means = np.empty(draws)
-    for draw in range(draws):
-        # a sample of tasks is how often each of them is drawn: quicker than picking their columns
-        weights = np.bincount(rng.integers(0, tasks, tasks), minlength=tasks)
-        means[draw] = (values[rng.integers(0, seeds, seeds)] @ weights).mean() / tasks
+    for start in range(0, draws, together):
+        size = min(together, draws - start)
+        picked = rng.integers(0, tasks, (size, tasks))
+        by_seed = np.stack([row[picked].mean(1) for row in values], 1)
+        chosen = rng.integers(0, seeds, (size, seeds))
+        means[start : start + size] = np.take_along_axis(by_seed, chosen, 1).mean(1)
     low, high = np.percentile(means, [2.5, 97.5])
     return Interval(float(values.mean()), float(low), float(high))
