@@ -10,6 +10,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, TypeVar
 
+import torch
 from torch import nn
 
 from evaps.domain import CHOSEN
@@ -197,9 +198,12 @@ def load_method(folder: Path, name: str) -> Synthesizer | Repairer:
 
 
 def _loaded(folder: Path, name: str, make: Callable[..., Network]) -> Network:
-    """A network of a checkpoint's configuration, with its weights; JSON's lists are tuples in it."""
+    """A network of a checkpoint's configuration, with its weights; JSON's lists are tuples in it.
+
+    The random weights that it has at first are drawn aside: who has seeded torch finds it as it was.
+    """
     config = read_config(folder, name)["config"]
-    with fitting(folder):
+    with fitting(folder), torch.random.fork_rng(devices=[]):
         made = make(**{k: tuple(v) if isinstance(v, list) else v for k, v in config.items()})
     return load_weights(folder, made)
 

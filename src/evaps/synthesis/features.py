@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Sequence
 from functools import cache
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from evaps.files import write_atomically
 from evaps.models import load_encoder
 from evaps.models.base import Execution
 from evaps.models.compute import autocast
@@ -22,10 +20,8 @@ from evaps.models.encoder import Encoder
 from evaps.robots.frames import Observation, PaletteFrame, digest
 from evaps.robots.noise import NoisyFrame, noisy_view
 from evaps.synthesis.solution import Attempt
-from evaps.tasks.dataset import Dataset
-from evaps.tasks.frames import rgbd, unpack_frames
-from evaps.tasks.progress import track
-from evaps.tasks.task import EXAMPLES, Task
+from evaps.tasks.frames import rgbd
+from evaps.tasks.task import Task
 
 BATCH = 128
 
@@ -71,31 +67,6 @@ def array_bytes(array: np.ndarray[Any, Any]) -> bytes:
     content = io.BytesIO()
     np.save(content, array)
     return content.getvalue()
-
-
-def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> np.ndarray[Any, np.dtype[np.float16]]:
-    """The embeddings of every example's first and last observation, float16 ``[task, pair, 2, feature]``.
-
-    They are computed once and kept beside the data set.
-
-    Args:
-        dataset: whose observations.
-        encoder: in evaluation mode.
-        key: tells this encoder from others.
-    """
-    path = dataset.folder / f"features-{key}-{len(dataset)}.npy"
-    if not path.exists():
-        examples = EXAMPLES + 1  # the test example too, for training tasks: LGRL learns from any five of six
-        out = np.empty((len(dataset), examples, 2, encoder.config.feature), np.float16)
-        packed = dataset.frames(range(len(dataset)))
-        tens = iter(lambda: list(islice(packed, 10)), [])
-        for tasks in track(tens, len(dataset), "features of tasks", 0, 10):
-            observations = [frame for _, frames in tasks for frame in unpack_frames(frames)]
-            embedded = embed(encoder, observations).cpu().numpy()
-            by_task = embedded.reshape(-1, 2, examples, out.shape[-1]).swapaxes(1, 2)
-            out[[position for position, _ in tasks]] = by_task
-        write_atomically(path, array_bytes(out))
-    return np.load(path)
 
 
 class FeatureTable:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -48,16 +48,17 @@ class MistakePart:
     Attributes:
         tasks: the tasks, and the Parquet file to write; the embeddings lie beside it as ``.npy``.
         encoder: folder of the encoder's checkpoint.
-        failures: for each task, programs of the synthesizer (stage 2); those that are right are left out.
         mutations: how many mutations of each gold program are run (stage 1).
         seed: of the mutations.
+        failures: for each task, programs of the synthesizer (stage 2); those that are right are left out.
+            Empty until it is loaded.
     """
 
     tasks: TaskPart
     encoder: Path
-    failures: Sequence[Sequence[str]]
     mutations: int
     seed: int
+    failures: Sequence[Sequence[str]] = ()
 
     @property
     def path(self) -> Path:
@@ -111,19 +112,31 @@ def generate_mistakes(
     dataset: Dataset,
     encoder: Path,
     positions: Sequence[int],
-    failures: dict[int, list[str]],
+    failures: Callable[[Sequence[int]], Sequence[Sequence[str]]],
     mutations: int,
     seed: int,
     workers: Workers,
 ) -> list[Path]:
-    """Run wrong programs on tasks of a data set, or go on with it; the files that hold them."""
+    """Run wrong programs on tasks of a data set, or go on with it; the files that hold them.
+
+    Args:
+        folder: of the files.
+        dataset: where the tasks are.
+        encoder: folder of the encoder's checkpoint.
+        positions: of the tasks.
+        failures: programs of the synthesizer for each of some tasks, by their positions; called just before
+            these are run.
+        mutations: of each gold program.
+        seed: of the mutations.
+        workers: who runs them.
+    """
     parts = [
-        MistakePart(tasks, encoder, [failures.get(p, []) for p in tasks.positions], mutations, seed)
+        MistakePart(tasks, encoder, mutations, seed)
         for tasks in task_parts(folder, dataset, positions, TASKS)
     ]
 
     def load(part: MistakePart) -> MistakePart:
-        return replace(part, tasks=part.tasks.loaded(dataset))
+        return replace(part, tasks=part.tasks.loaded(dataset), failures=failures(part.tasks.positions))
 
     return make_parts(make_mistakes, parts, workers, "tasks with mistakes", TASKS, load)
 

@@ -15,9 +15,8 @@ from evaps.models import PROPOSER, load_method
 from evaps.models.base import Repairer, Synthesizer
 from evaps.models.checkpoint import hash_of
 from evaps.models.compute import device
-from evaps.synthesis.mistakes import TASKS, Mistakes, generate_mistakes
+from evaps.synthesis.mistakes import Mistakes, generate_mistakes
 from evaps.tasks.identity import short_hash
-from evaps.tasks.progress import track
 from evaps.train.batches import batch_at
 from evaps.train.loop import FitConfig, Share, fit
 from evaps.train.run import Run
@@ -63,13 +62,13 @@ def find_mistakes(run: Run, split: str) -> Mistakes:
     parents = [hash_of(run.out / name) for name in ("encoder", PROPOSER)]
     key = short_hash([parents, run.seed, scale.mutations, scale.failures, tasks])
     folder = run.dataset.folder / f"mistakes-{split}-{key}"
-    failures: dict[int, list[str]] = {}
-    if len(list(folder.glob("*.parquet"))) < -(-len(positions) // TASKS):
-        torch.manual_seed(run.seed)
-        synthesizer.train()  # with dropout, since it knows these tasks better than any that it will meet
-        beams = run.beam(synthesizer, positions, max(8, scale.failures))
-        beams = track(beams, len(positions), "proposals")
-        failures = {p: _wrong(run, p, b) for p, b in zip(positions, beams, strict=True)}
+    synthesizer.train()  # with dropout, since it knows these tasks better than any that it will meet
+
+    def failures(part: Sequence[int]) -> list[list[str]]:
+        torch.manual_seed(run.seed * 1_000_003 + part[0])  # the same, wherever this was interrupted
+        beams = run.beam(synthesizer, part, max(8, scale.failures))
+        return [_wrong(run, task, beam) for task, beam in zip(part, beams, strict=True)]
+
     encoder = run.out / "encoder"
     paths = generate_mistakes(
         folder, run.dataset, encoder, positions, failures, scale.mutations, run.seed, run.workers

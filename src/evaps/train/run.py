@@ -23,11 +23,11 @@ from evaps.models.checkpoint import hash_of, save_checkpoint
 from evaps.models.compute import autocast, device, precision
 from evaps.models.pairs import PairEmbedding
 from evaps.robots.workers import Workers
-from evaps.synthesis.features import dataset_features
 from evaps.synthesis.ways import WayTable
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.identity import code_version
 from evaps.tasks.task import EXAMPLES
+from evaps.train.features import Features, dataset_features
 from evaps.train.judge import Judge
 from evaps.train.loop import FitConfig
 from evaps.train.scale import SCALES
@@ -63,7 +63,7 @@ class Run:
         return [VOCAB.encode(program.split()) for program in self.dataset.rows.column("program")]
 
     @cached_property
-    def features(self) -> np.ndarray[Any, np.dtype[np.float16]]:
+    def features(self) -> Features:
         """Of every example's first and last observation, ``[task, pair, 2, feature]``."""
         folder = self.out / "encoder"
         return dataset_features(self.dataset, load_encoder(folder).to(device()), hash_of(folder))

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from evaps.dsl import VOCAB, Program
+from evaps.files import write_atomically
 from evaps.models.base import Synthesizer
 from evaps.tasks.progress import track
 from evaps.tasks.task import EXAMPLES
@@ -21,6 +22,7 @@ from evaps.train.run import Run
 
 VALIDATION_TASKS = 512
 VALIDATION_BEAM = 4
+OWN_TOGETHER = 200  # training tasks whose own targets are kept together
 
 
 def train_synthesizer(run: Run, model: Synthesizer) -> Path:
@@ -39,9 +41,9 @@ def train_synthesizer(run: Run, model: Synthesizer) -> Path:
     metrics = fit_likelihood(run, model, train, targets, config, run.out / model.name, made_from)
     if model.retrains:
         first = {key: value.clone() for key, value in model.state_dict().items()}
-        own = _own_targets(run, model, train[: scale.retrained_tasks])
-        again = FitConfig(config.steps // 4, 3e-4, run.seed + 1, validate_every=500, patience=config.patience)
         folder = run.out / model.name / "retrained"
+        own = _own_targets(run, model, train[: scale.retrained_tasks], folder)
+        again = FitConfig(config.steps // 4, 3e-4, run.seed + 1, validate_every=500, patience=config.patience)
         targets = [own.get(p, run.programs[p]) for p in train]
         second = fit_likelihood(run, model, train, targets, again, folder, {**made_from, "first": metrics})
         if second["validation_score"] >= metrics["validation_score"]:
@@ -128,11 +130,25 @@ class Validation:
             yield self.model.loss(given, *self.lessons.batch(rows)).item()
 
 
-def _own_targets(run: Run, model: Synthesizer, positions: Sequence[int]) -> dict[int, list[int]]:
-    """Where the decoded program reaches all outputs, it is a target as good as the gold one, and easier."""
+def _own_targets(
+    run: Run, model: Synthesizer, positions: Sequence[int], folder: Path
+) -> dict[int, list[int]]:
+    """Where the decoded program reaches all outputs, it is a target as good as the gold one, and easier.
+
+    They are kept in the folder, a file for some of the tasks, so that this can be interrupted.
+    """
     model.eval()
-    torch.manual_seed(run.seed)
-    beams = track(run.beam(model, positions, 1), len(positions), "own targets")
-    decoded = zip(positions, beams, strict=True)
-    own = {p: beam[0] for p, beam in decoded if beam and run.judge.matches(p, beam[:1]).all()}
-    return {p: VOCAB.encode(program.tokens) for p, program in own.items()}
+    own: dict[int, list[int]] = {}
+    starts = range(0, len(positions), OWN_TOGETHER)
+    for start in track(starts, len(positions), "own targets", 0, OWN_TOGETHER):
+        path = folder / f"own-{start:06d}.json"
+        if not path.exists():
+            found = _own_programs(run, model, positions[start : start + OWN_TOGETHER])
+            write_atomically(path, json.dumps(found).encode())
+        own |= {position: VOCAB.encode(program.split()) for position, program in json.loads(path.read_text())}
+    return own
+
+
+def _own_programs(run: Run, model: Synthesizer, positions: Sequence[int]) -> list[tuple[int, str]]:
+    beams = zip(positions, run.beam(model, positions, 1), strict=True)
+    return [(p, str(beam[0])) for p, beam in beams if beam and run.judge.matches(p, beam[:1]).all()]

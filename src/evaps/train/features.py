@@ -1,0 +1,61 @@
+"""The embeddings of a data set's observations: computed once, in parts, and kept beside it."""
+
+from __future__ import annotations
+
+import shutil
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from evaps.files import write_atomically
+from evaps.models.encoder import Encoder
+from evaps.synthesis.features import array_bytes, embed
+from evaps.tasks.dataset import Dataset
+from evaps.tasks.frames import unpack_frames
+from evaps.tasks.progress import track
+from evaps.tasks.task import EXAMPLES
+
+PART = 1_000  # tasks whose embeddings are lost together where the job is stopped
+TOGETHER = 10  # tasks whose frames are embedded at once
+
+Features = np.ndarray[Any, np.dtype[np.float16]]
+"""Of every task, of its examples (the test example too: LGRL learns from any five of six), of their first and
+their last observation: ``[task, pair, 2, feature]``."""
+
+
+def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> Features:
+    """The embeddings of every example's first and last observation.
+
+    Stopped at any moment, the same call goes on.
+
+    Args:
+        dataset: whose observations.
+        encoder: in evaluation mode.
+        key: tells this encoder from others.
+    """
+    path = dataset.folder / f"features-{key}-{len(dataset)}.npy"
+    if not path.exists():
+        parts = path.with_suffix(".parts")
+        files = {start: parts / f"part-{start:07d}.npy" for start in range(0, len(dataset), PART)}
+        missing = [start for start, file in files.items() if not file.exists()]
+        done = PART * (len(files) - len(missing))
+        for start in track(missing, len(dataset), "features of tasks", done, PART):
+            positions = range(start, min(start + PART, len(dataset)))
+            write_atomically(files[start], array_bytes(_features(dataset, positions, encoder)))
+        write_atomically(path, array_bytes(np.concatenate([np.load(file) for file in files.values()])))
+        shutil.rmtree(parts)
+    features: Features = np.load(path)
+    return features
+
+
+def _features(dataset: Dataset, positions: range, encoder: Encoder) -> Features:
+    pairs = EXAMPLES + 1
+    out = np.empty((len(positions), pairs, 2, encoder.config.feature), np.float16)
+    packed = dataset.frames(positions)
+    while tasks := list(islice(packed, TOGETHER)):
+        observations = [frame for _, frames in tasks for frame in unpack_frames(frames)]
+        embedded = embed(encoder, observations).cpu().numpy()
+        rows = [position - positions.start for position, _ in tasks]
+        out[rows] = embedded.reshape(-1, 2, pairs, out.shape[-1]).swapaxes(1, 2)
+    return out
