@@ -14,6 +14,8 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from evaps.models.recurrent import next_state
+
 if TYPE_CHECKING:
     from evaps.models.sequential_edits import SequentialEdits
 
@@ -79,13 +81,6 @@ class EditSteps:
             if number:
                 gates = F.linear(self.states[number - 1].hidden, weights.into, weights.bias)
             gates = gates + F.linear(state.hidden, weights.onwards)
-            self.states[number] = _next(gates.float(), state)
+            self.states[number] = LayerState(*next_state(gates, state.cell))
         pooled = self.states[-1].hidden.amax(1)
         return F.linear(pooled, self.output.weight[:, : pooled.shape[-1]]) + self.seen[self.owner, pointers]
-
-
-def _next(gates: Tensor, before: LayerState) -> LayerState:
-    """The LSTM's equations; PyTorch's order of the gates."""
-    into, forget, new, out = gates.chunk(4, -1)
-    cell = forget.sigmoid() * before.cell + into.sigmoid() * new.tanh()
-    return LayerState(out.sigmoid() * cell.tanh(), cell)

@@ -20,7 +20,7 @@ from evaps.dsl import VOCAB
 from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.models.base import Synthesizer
 from evaps.models.pairs import PairConfig, PairEmbedding
-from evaps.models.recurrent import BothWays, select_hidden
+from evaps.models.recurrent import BothWays, PairLSTM, select_hidden
 
 STOP = len(ACTIONS)
 START = STOP + 1
@@ -115,7 +115,7 @@ class TraceState:
 
     memory: Float[Tensor, "batch pair slot hidden"]
     there: Bool[Tensor, "batch pair slot"]
-    given: Float[Tensor, "batch pair size"]
+    told: Float[Tensor, "batch pair size"]
     hidden: Hidden | None = None
 
 
@@ -138,7 +138,7 @@ class InferredTrace(Synthesizer):
         self.read = BothWays(size, config.layers, config.dropout)
         self.nothing = nn.Parameter(torch.zeros(size))
         self.embedding = nn.Embedding(len(VOCAB), size)  # <pad> stands for the start
-        self.lstm = nn.LSTM(size + config.pair, size, config.layers, batch_first=True)
+        self.lstm = PairLSTM(size, config.pair, size, config.layers)
         self.ask = nn.Linear(size, size)
         self.combine = nn.Linear(2 * size, size)
         self.dropout = nn.Dropout(config.dropout)
@@ -152,7 +152,7 @@ class InferredTrace(Synthesizer):
         nothing = self.nothing.to(read.dtype).expand(*read.shape[:2], 1, -1)
         there = F.pad(ways.real, (1, 0), value=True)
         pair = self.norm(self.pair(ways.seen[:, :, 0], ways.goal))
-        return TraceState(torch.cat([nothing, read], 2), there, pair)
+        return TraceState(torch.cat([nothing, read], 2), there, self.lstm.told(self.dropout(pair)))
 
     def step(
         self, state: TraceState, tokens: Int[Tensor, " batch"] | None, rows: Int[Tensor, " batch"] | None
@@ -161,7 +161,7 @@ class InferredTrace(Synthesizer):
         if rows is not None:
             state = _select(state, rows)
         if tokens is None:
-            tokens = torch.zeros(len(state.given), dtype=torch.long, device=state.given.device)
+            tokens = torch.zeros(len(state.told), dtype=torch.long, device=state.told.device)
         logits, state = self._decode(state, tokens[:, None])
         return logits[:, 0], state
 
@@ -173,11 +173,8 @@ class InferredTrace(Synthesizer):
         self, state: TraceState, tokens: Int[Tensor, "batch time"]
     ) -> tuple[Float[Tensor, "batch time vocab"], TraceState]:
         """Attention as in Luong et al. (2015): after the LSTM, so that a whole program is one call."""
-        pairs, time = state.given.shape[1], tokens.shape[1]
-        token = self.dropout(self.embedding(tokens))[:, None].expand(-1, pairs, -1, -1)
-        given = self.dropout(state.given)[:, :, None].expand(-1, -1, time, -1)
-        outputs, hidden = self.lstm(torch.cat([token, given], -1).flatten(0, 1), state.hidden)
-        outputs = self.dropout(outputs.unflatten(0, (-1, pairs)))
+        outputs, hidden = self.lstm(self.dropout(self.embedding(tokens)), state.told, state.hidden)
+        outputs = self.dropout(outputs.unflatten(0, state.told.shape[:2]))
         memory = state.memory.to(outputs.dtype)
         scores = self.ask(outputs) @ memory.transpose(2, 3) / self.config.hidden**0.5
         scores = scores.float().masked_fill(~state.there[:, :, None], -torch.inf)
@@ -189,5 +186,5 @@ class InferredTrace(Synthesizer):
 def _select(state: TraceState, rows: Int[Tensor, " batch"]) -> TraceState:
     hidden = state.hidden
     if hidden is not None:
-        hidden = select_hidden(hidden, rows, state.given.shape[1])
-    return TraceState(state.memory[rows], state.there[rows], state.given[rows], hidden)
+        hidden = select_hidden(hidden, rows, state.told.shape[1])
+    return TraceState(state.memory[rows], state.there[rows], state.told[rows], hidden)

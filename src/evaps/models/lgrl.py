@@ -18,7 +18,7 @@ from torch.nn import functional as F
 from evaps.dsl import VOCAB
 from evaps.models.base import Features, Synthesizer
 from evaps.models.pairs import PairConfig, PairEmbedding
-from evaps.models.recurrent import select_hidden
+from evaps.models.recurrent import PairLSTM, select_hidden
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class LGRLConfig:
 
 @dataclass(frozen=True)
 class LGRLState:
-    """The decoder between two steps: each pair's embedding and LSTM state."""
+    """The decoder between two steps: what the LSTM is told of each pair, and its state."""
 
-    pair: Float[Tensor, "batch pair size"]
+    told: Float[Tensor, "batch pair size"]
     hidden: tuple[Float[Tensor, "layer batch_pair hidden"], Float[Tensor, "layer batch_pair hidden"]] | None
 
 
@@ -61,13 +61,14 @@ class LGRL(Synthesizer):
         self.pair = PairEmbedding(PairConfig(config.feature, config.pair))
         self.norm = nn.LayerNorm(config.pair) if config.norm else nn.Identity()
         self.embedding = nn.Embedding(len(VOCAB), config.embedding)  # <pad> stands for the start
-        self.lstm = nn.LSTM(config.embedding + config.pair, config.hidden, config.layers, batch_first=True)
+        self.lstm = PairLSTM(config.embedding, config.pair, config.hidden, config.layers)
         self.dropout = nn.Dropout(config.dropout)
         self.output = nn.Linear(config.hidden, len(VOCAB))
 
     def start(self, features: Features) -> LGRLState:
         """Embed the pairs."""
-        return LGRLState(self.norm(self.pair(features[:, :, 0], features[:, :, 1])), None)
+        pair = self.norm(self.pair(features[:, :, 0], features[:, :, 1]))
+        return LGRLState(self.lstm.told(self.dropout(pair)), None)
 
     def step(
         self, state: LGRLState, tokens: Int[Tensor, " batch"] | None, rows: Int[Tensor, " batch"] | None
@@ -76,34 +77,30 @@ class LGRL(Synthesizer):
         if rows is not None:
             state = _select(state, rows)
         if tokens is None:
-            tokens = torch.zeros(len(state.pair), dtype=torch.long, device=state.pair.device)
-        logits, hidden = self._decode(state.pair, tokens[:, None], state.hidden)
-        return logits[:, 0], LGRLState(state.pair, hidden)
+            tokens = torch.zeros(len(state.told), dtype=torch.long, device=state.told.device)
+        logits, hidden = self._decode(state.told, tokens[:, None], state.hidden)
+        return logits[:, 0], LGRLState(state.told, hidden)
 
     def logits(
         self, features: Features, tokens: Int[Tensor, "batch time"]
     ) -> Float[Tensor, "batch time vocab"]:
         """See `Synthesizer.logits`."""
         before = F.pad(tokens[:, :-1], (1, 0))
-        return self._decode(self.start(features).pair, before, None)[0]
+        return self._decode(self.start(features).told, before, None)[0]
 
     def _decode(
         self,
-        pair: Float[Tensor, "batch pair size"],
+        told: Float[Tensor, "batch pair size"],
         tokens: Int[Tensor, "batch time"],
         hidden: tuple[Tensor, Tensor] | None,
     ) -> tuple[Float[Tensor, "batch time vocab"], tuple[Tensor, Tensor]]:
-        batch, pairs, _ = pair.shape
-        time = tokens.shape[1]
-        embedded = self.dropout(self.embedding(tokens))[:, None].expand(-1, pairs, -1, -1)
-        given = self.dropout(pair)[:, :, None].expand(-1, -1, time, -1)
-        outputs, hidden = self.lstm(torch.cat([embedded, given], -1).flatten(0, 1), hidden)
-        pooled = outputs.unflatten(0, (batch, pairs)).amax(1)
+        outputs, hidden = self.lstm(self.dropout(self.embedding(tokens)), told, hidden)
+        pooled = outputs.unflatten(0, told.shape[:2]).amax(1)
         return self.output(self.dropout(pooled)), hidden
 
 
 def _select(state: LGRLState, rows: Int[Tensor, " batch"]) -> LGRLState:
     hidden = state.hidden
     if hidden is not None:
-        hidden = select_hidden(hidden, rows, state.pair.shape[1])
-    return LGRLState(state.pair[rows], hidden)
+        hidden = select_hidden(hidden, rows, state.told.shape[1])
+    return LGRLState(state.told[rows], hidden)
