@@ -1,18 +1,20 @@
 """The paper's evaluation: data, trainings, rows, tables and figures, at one of four scales.
 
-    python -m recipes.paper                        # small: all methods, one seed; resumes where it was
+    python -m recipes.paper                        # small: all methods, one seed; goes on where it was
     python -m recipes.paper --seeds 0 1 2          # with deviations over seeds
     python -m recipes.paper --methods lgrl evaps   # some of the methods
     python -m recipes.paper --retrain              # not from the shipped checkpoints
     python -m recipes.paper --ship                 # and put LGRL's and EVAPS's in their place
 
-`make paper SCALE=small` is the first of these. On two cores without a graphics card small takes 15 minutes
+`make paper SCALE=small` is the first of these. Rows that came with the checkout are not made again; with
+--retrain all are. On two cores without a graphics card small takes 15 minutes
 for the data, 15 to 45 for each training, and 5 to 20 for each method's 1,000 test tasks.
 """
 
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,6 +24,7 @@ import tyro
 from evaps.domain import CHOSEN
 from evaps.dsl import UserError
 from evaps.evaluate import evaluate
+from evaps.files import write_atomically
 from evaps.metrics import Results
 from evaps.models import METHODS, PROPOSER, SHIPPED, needed_for
 from evaps.models.checkpoint import hash_of
@@ -50,7 +53,9 @@ PAPER = (
     "evaps",
 )
 """The rows of the paper's tables; whoever starts from another one comes after it."""
-NOISE = (0.05, 0.1, 0.15, 0.2)
+FURTHER = ("evaps-parallel", "prior")
+"""Whom the paper has no row of: its own reading of EVAPS's decoder, and chance."""
+NOISE = (0.0, 0.05, 0.1, 0.15, 0.2)
 NOISY = (PROPOSER, "evaps")
 NOISY_TASKS = 400  # of the test tasks: the first ones
 SHIP = ("encoder", "inverse", PROPOSER, "evaps")
@@ -67,14 +72,14 @@ class Plan:
     """smoke, quick, small or paper."""
     seeds: tuple[int, ...] = (0,)
     """Of the trainings; all share the encoder and the inverse model of seed 0."""
-    methods: tuple[str, ...] = PAPER
+    methods: tuple[str, ...] = (*PAPER, *FURTHER)
     """Who is trained and judged."""
     tasks: int = 1_000
     """Test tasks."""
     noise: bool = False
     """Judge LGRL and EVAPS with noise, too, each four times on 400 tasks."""
     retrain: bool = False
-    """Train what is shipped, too, in a folder of its own, since all others depend on it."""
+    """Train and judge everything anew, beside shipped checkpoints and over committed rows."""
     ship: bool = False
     """Put the checkpoints of SHIP into the package."""
     workers: int = 2
@@ -94,7 +99,7 @@ class Plan:
 
     def runs(self, seed: int) -> Path:
         """Folder of a seed's checkpoints."""
-        again = "-retrained" if self.retrain and seed == 0 else ""
+        again = "-retrained" if self.retrain else ""
         return self.root / "runs" / f"{self.scale}-{seed}{again}"
 
 
@@ -106,13 +111,15 @@ def make(plan: Plan) -> None:
     """
     if plan.ship and not (0 in plan.seeds and set(SHIP) <= set(with_what_is_needed(plan.methods))):
         raise UserError(f"--ship is for {', '.join(SHIP)} of seed 0; name lgrl and evaps, and seed 0")
-    make_data(plan)
     for seed in plan.seeds:
-        for method in with_what_is_needed(plan.methods):
+        methods = [method for method in plan.methods if not is_done(plan, seed, method)]
+        if methods or plan.noise:
+            make_data(plan)
+        for method in with_what_is_needed(methods):
             make_checkpoint(plan, seed, method)
-        for method in plan.methods:
+        for method in methods:
             make_rows(plan, seed, method)
-        for method in set(NOISY) & set(plan.methods) if plan.noise else ():
+        for method in (m for m in NOISY if plan.noise and m in plan.methods):
             for share in NOISE:
                 make_rows(plan, seed, method, share)
     for method in SHIP if plan.ship else ():
@@ -120,7 +127,35 @@ def make(plan: Plan) -> None:
     report("all", plan.results / "methods", plan.results / "report")
 
 
-def with_what_is_needed(methods: tuple[str, ...]) -> list[str]:
+def is_done(plan: Plan, seed: int, method: str) -> bool:
+    """Whether a method's rows came with the checkout, so that its hours need not be spent again.
+
+    They did not if there is a checkpoint that somebody has trained here, or another one is shipped by now.
+    """
+    rows, shipped = plan.results / "methods" / f"{method}-{seed}.parquet", SHIPPED / plan.scale
+    if plan.retrain or not rows.exists() or (plan.runs(seed) / method).exists():
+        return False
+    if seed == 0 and (shipped / method).is_dir():
+        return have_rows(rows, plan.tasks, {method: weights_of(shipped, method)})
+    return have_rows(rows, plan.tasks, {method: None})
+
+
+def have_rows(path: Path, tasks: int, weights: Mapping[str, str | None]) -> bool:
+    """Whether a file has rows of so many tasks, of these methods with these weights (None: any)."""
+    if not path.exists():
+        return False
+    made = pq.read_table(path, columns=["method", "weights", "task"])
+    pairs = set(zip(made["method"].to_pylist(), made["weights"].to_pylist(), strict=True))
+    same = {(method, weights[method] and there) for method, there in pairs if method in weights}
+    return same == set(weights.items()) and len(made["task"].unique()) >= tasks
+
+
+def weights_of(runs: Path, method: str) -> str:
+    """What rows say of the checkpoints that they were made with."""
+    return short_hash([hash_of(runs / name) for name in dict.fromkeys(needed_for(method))])
+
+
+def with_what_is_needed(methods: Sequence[str]) -> list[str]:
     """All that has to be trained, in order."""
     needed = ["encoder", "inverse"]
     for method in methods:
@@ -166,17 +201,18 @@ def take(checkpoint: Path, folder: Path) -> None:
 def ship(plan: Plan, method: str) -> None:
     """Copy a checkpoint of seed 0 to those that come with evaps."""
     target = SHIPPED / plan.scale / method
-    shutil.rmtree(target, ignore_errors=True)
-    take(plan.runs(0) / method, target)
+    for name in ("config.json", "model.safetensors"):
+        write_atomically(target / name, (plan.runs(0) / method / name).read_bytes())
 
 
-def make_rows(plan: Plan, seed: int, method: str, noise: float = 0.0) -> None:
-    """The rows of a method and a seed."""
+def make_rows(plan: Plan, seed: int, method: str, noise: float | None = None) -> None:
+    """The rows of a method and a seed; or those for the noise figure, of fewer tasks."""
     rows = plan.results / "methods"
-    path = rows / f"{method}-{seed}.parquet"
-    if noise:
-        plan = replace(plan, tasks=min(plan.tasks, NOISY_TASKS))
-        path = rows / "noise" / f"{method}-{seed}-{100 * noise:.0f}.parquet"
+    if noise is None:
+        judge(plan, plan.runs(seed), (method,), rows / f"{method}-{seed}.parquet")
+        return
+    plan = replace(plan, tasks=min(plan.tasks, NOISY_TASKS))
+    path = rows / "noise" / f"{method}-{seed}-{100 * noise:.0f}.parquet"
     judge(plan, plan.runs(seed), (method,), path, noise)
 
 
@@ -190,14 +226,9 @@ def judge(
 ) -> None:
     """`evaps evaluate --methods METHODS [--noise SHARE]`, unless it was done with these weights and tasks."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    needed = (dict.fromkeys(needed_for(method)) for method in methods)
-    weights = {short_hash([hash_of(runs / name) for name in names]) for names in needed}
     tasks = len(Dataset(plan.data).split("test")[: plan.tasks])
-    if path.exists():
-        made = pq.read_table(path, columns=["method", "weights", "task"])
-        there = [set(made[column].unique().to_pylist()) for column in ("method", "weights")]
-        if there == [set(methods), weights] and len(made["task"].unique()) == tasks:
-            return
+    if have_rows(path, tasks, {method: weights_of(runs, method) for method in methods}):
+        return
     workers = Workers(plan.workers)
     evaluate(
         plan.data, path, str(runs), methods, tasks=plan.tasks, workers=workers, noise=noise, actions=actions
@@ -206,8 +237,7 @@ def judge(
 
 def noise_page(results: Path) -> str:
     """What noise costs, for docs/methods.md."""
-    rows = results / "methods"
-    return noise_costs(rows, rows / "noise")
+    return noise_costs(results / "methods" / "noise")
 
 
 def readme_table(results: Path) -> str:

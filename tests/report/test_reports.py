@@ -122,15 +122,18 @@ def test_every_report_is_written_in_every_form(tmp_path: Path) -> None:
     assert [p.read_bytes() for p in again] == [(tmp_path / "out" / p.name).read_bytes() for p in again]
     solved = learning(folder / "curves").panels["solved by the first four programs (%)"]["LGRL"]
     assert list(solved.y) == [50]
+    (folder / "curves" / "evaps-0.jsonl").write_text(
+        '{"step": 2, "validation_likelihood": -1, "validation_semantic": 0.25}\n'
+    )
+    mended = learning(folder / "curves").panels["failures that one repair mends (%)"]
+    assert {name: list(line.y) for name, line in mended.items()} == {"EVAPS": [25]}
 
 
-def test_noise_has_a_panel_for_each_share_and_shows_who_was_judged_with_it() -> None:
-    clean = results_of(rows("lgrl", [0, 0]), rows("evaps", [0, 0]))
-    panels = noise(clean, {0.2: results_of(rows("lgrl", [0, None]))}).panels
-    assert {title: {name: line.y[0] for name, line in lines.items()} for title, lines in panels.items()} == {
-        "0 % of the pixels invalid": {"LGRL": 100},
-        "20 % of the pixels invalid": {"LGRL": 50},
-    }
+def test_noise_has_a_panel_for_each_share() -> None:
+    figure = noise({0.2: results_of(rows("lgrl", [0, None])), 0.0: results_of(rows("lgrl", [0, 0]))})
+    first = {title: lines["LGRL"].y[0] for title, lines in figure.panels.items()}
+    assert first == {"0 % of the pixels invalid": 100, "20 % of the pixels invalid": 50}
+    assert "paper's EVAPS up to 7.5 points" in figure.tables()[-1].markdown()
 
 
 def test_a_legend_has_the_colours_of_its_lines_and_there_are_no_empty_panels() -> None:
@@ -200,7 +203,7 @@ def test_learning_tells_seeds_apart_and_leaves_out_who_was_not_validated(tmp_pat
         (tmp_path / f"{name}.jsonl").write_text(row)
     (tmp_path / "sed-0.jsonl").write_text('{"step": 1, "loss": 2}\n')
     made = learning(tmp_path)
-    assert list(made.panels["loss"]) == ["EVAPS+S", "LGRL, seed 0", "LGRL, seed 1"]
+    assert list(made.panels["loss of a token"]) == ["EVAPS+S", "LGRL, seed 0", "LGRL, seed 1"]
     assert not made.share_y, "a loss and a share have nothing in common"
 
 
@@ -211,19 +214,31 @@ def test_signs_that_latex_knows_otherwise_are_escaped() -> None:
     assert r"1 $\pm$ 2" in text
 
 
-def test_noise_is_compared_on_the_tasks_that_were_judged_with_it() -> None:
-    clean = results_of(rows("lgrl", [0, None, None, None]))
-    panels = noise(clean, {0.2: results_of(rows("lgrl", [0, None]))}).panels
-    assert [next(iter(panel["LGRL"].y)) for panel in panels.values()] == [50.0, 50.0]
+def test_what_noise_costs_is_told_on_the_same_tasks_and_in_the_same_precision(tmp_path: Path) -> None:
+    def write(share: float, ranks: list[int | None], precision: str = "float32") -> None:
+        said = {"noise": share, "machine": f"x86_64, 2 cores, {precision}"}
+        pq.write_table(table_of([row | said for row in rows("lgrl", ranks)]), tmp_path / f"{share}.parquet")
 
-
-def test_what_noise_costs_is_told_on_the_same_tasks(tmp_path: Path) -> None:
-    (tmp_path / "noise").mkdir()
-    pq.write_table(table_of(rows("lgrl", [0, 0, None, None])), tmp_path / "lgrl.parquet")
-    noisy = [row | {"noise": 0.2} for row in rows("lgrl", [0, None])]
-    pq.write_table(table_of(noisy), tmp_path / "noise" / "lgrl-20.parquet")
-    (line,) = noise_costs(tmp_path, tmp_path / "noise").splitlines()[2:]
+    write(0.2, [0, None])
+    with pytest.raises(UserError, match="no rows of lgrl without noise"):
+        noise_costs(tmp_path)
+    write(0.0, [0, 0])
+    (line,) = noise_costs(tmp_path).splitlines()[2:]
     assert line.startswith("| LGRL | 20 % | 2 | 50.0 (-50.0, [-100.0, +0.0]) |")
+    for share, ranks, precision in ((0.0, [0, 0], "bfloat16"), (0.0, [0, 0, 0], "float32")):
+        write(share, ranks, precision)
+        with pytest.raises(UserError, match="differ in tasks or in precision"):
+            noise_costs(tmp_path)
+
+
+def test_a_figure_is_a_table_too() -> None:
+    figure = complexity(results_of(rows("lgrl", [0, None, None, None])))
+    (table,) = figure.tables()
+    assert table.head[0], table.head[-1] == ("candidates", "20")
+    assert table.rows == [["LGRL", *["25"] * 8]]
+    lines = figure.csv().splitlines()
+    assert lines[0] == "panel,line,candidates,generalization (%),low,high"
+    assert len(lines) == 1 + 20
 
 
 def test_a_table_by_noise_has_a_line_for_each_share(tmp_path: Path) -> None:

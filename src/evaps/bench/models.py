@@ -58,7 +58,9 @@ def training_figures(seconds: float, size: int) -> Iterator[Figure]:
     """Programs that each method learns from in a second, and the share of it spent on making batches."""
     rng = np.random.default_rng(SEED)
     programs = [sample_program(rng) for _ in range(size)]
-    for name in METHODS:
+    for name, kind in METHODS.items():
+        if kind.start:
+            continue  # from rewards: its seconds are the beam's and the engine's
         method = new_method(name).to(device()).train()
         batch, loss = _training(method, programs, rng)
         optimizer = torch.optim.Adam(method.parameters())
@@ -85,7 +87,7 @@ def _step(loss: Callable[[Any], torch.Tensor], batch: Any, optimizer: torch.opti
 def _training(
     method: Synthesizer | Repairer, programs: Sequence[Program], rng: np.random.Generator
 ) -> tuple[Callable[[], Any], Callable[[Any], torch.Tensor]]:
-    """What makes a batch, and what becomes of it, as in a training."""
+    """What makes a batch, and what becomes of it: a training's code, on random embeddings."""
     from evaps.train.lessons import Lessons
     from evaps.train.repairers import mistake_batch
 
@@ -118,5 +120,10 @@ def _way(rng: np.random.Generator) -> Way:
 
 
 def _execution(program: Program, rng: np.random.Generator) -> Execution:
-    seen = [rng.integers(0, ROWS, (EXAMPLES, len(program.segments))) for _ in range(2)]
-    return Execution(program, *seen, *(rng.integers(0, ROWS, EXAMPLES) for _ in range(3)))
+    """In which every segment was run once on each pair."""
+    segments = len(program.segments)
+    seen = [rng.integers(0, ROWS, (EXAMPLES, segments)) for _ in range(2)]
+    ends = [rng.integers(0, ROWS, EXAMPLES) for _ in range(3)]
+    pair, segment = np.indices((EXAMPLES, segments)).reshape(2, -1)
+    events = np.column_stack([pair, segment, rng.integers(0, ROWS, pair.size)])
+    return Execution(program, *seen, *ends, events)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from evaps.metrics import Results
 from evaps.report import curves, repairs, tables
 from evaps.report.figure import Figure
 from evaps.report.table import Table
+from evaps.report.tables import scale_note
 
 Item = Table | Figure
 REPORTS: dict[str, Callable[[Results], Item | list[Table]]] = {
@@ -29,7 +31,7 @@ REPORTS: dict[str, Callable[[Results], Item | list[Table]]] = {
 }
 """Every report by its name."""
 NOISE = "noise"
-"""The report that needs rows with noise, ``ROWS/noise/*.parquet``, beside those without."""
+"""The report that needs rows with noise and without it, ``ROWS/noise/*.parquet``."""
 SIZES = "sizes"
 """The report that needs rows of trainings on fewer tasks, ``ROWS/sizes/*.parquet``."""
 LEARNING = "learning"
@@ -80,23 +82,28 @@ def _make(name: str, rows: Path, results: Callable[[], Results]) -> Item | list[
             raise UserError(f"{rows / 'curves'} holds no METHOD-SEED.jsonl, the metrics.jsonl of trainings")
         return curves.learning(rows / FURTHER[LEARNING])
     if name == SIZES:
+        if SIZES not in _further(rows):
+            raise UserError(f"{rows / FURTHER[SIZES]} is missing; make it with: python -m recipes.sizes")
         return curves.sizes(Results.by_column(rows / FURTHER[SIZES], "trained_on"))
     if name == NOISE:
-        return curves.noise(results(), Results.by_column(rows / FURTHER[NOISE], "noise"))
-    return REPORTS[name](results())
+        return curves.noise(Results.by_column(rows / FURTHER[NOISE], "noise"))
+    made = REPORTS[name](results())
+    return replace(made, notes=(*made.notes, scale_note(results()))) if isinstance(made, Figure) else made
 
 
 def _write(name: str, made: Item | list[Table], out: Path) -> list[Path]:
+    pictures: dict[str, bytes] = {}
     if isinstance(made, Figure):
-        files = {f"{name}.{kind}": content for kind, content in made.draw().items()}
+        pictures, csv, tables = made.draw(), made.csv(), made.tables()
     else:
-        made = made if isinstance(made, list) else [made]
-        texts = {
-            "md": "\n".join(t.markdown() for t in made),
-            "tex": "\n".join(t.latex() for t in made),
-            "csv": "\n".join(t.csv() for t in made),
-        }
-        files = {f"{name}.{kind}": text.encode() for kind, text in texts.items()}
-    for file, content in files.items():
-        write_atomically(out / file, content)
-    return [out / file for file in files]
+        tables = made if isinstance(made, list) else [made]
+        csv = "\n".join(table.csv() for table in tables)
+    texts = {
+        "md": "\n".join(table.markdown() for table in tables),
+        "tex": "\n".join(table.latex() for table in tables),
+        "csv": csv,
+    }
+    contents = {**{kind: text.encode() for kind, text in texts.items()}, **pictures}
+    for kind, content in contents.items():
+        write_atomically(out / f"{name}.{kind}", content)
+    return [out / f"{name}.{kind}" for kind in contents]

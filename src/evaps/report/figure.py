@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from evaps.dsl import UserError
+from evaps.report.table import Table
+
+COLUMNS = 8  # of a figure as a table
 
 
 @dataclass(frozen=True)
@@ -26,6 +31,18 @@ class Line:
     low: Sequence[float] = ()
     high: Sequence[float] = ()
 
+    def points(self) -> Iterator[tuple[float, ...]]:
+        """Where, the value, and the ends of its interval if there is one."""
+        columns = (self.x, self.y, self.low, self.high) if len(self.low) else (self.x, self.y)
+        return zip(*columns, strict=True)
+
+    def at(self, x: float) -> str:
+        """The value there, with its interval; nothing if there is no point."""
+        if x not in self.x:
+            return ""
+        i = list(self.x).index(x)
+        return f"{self.y[i]:.3g}" + (f" [{self.low[i]:.1f}, {self.high[i]:.1f}]" if len(self.low) else "")
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -37,6 +54,7 @@ class Figure:
         y: what the second axis shows, with its unit.
         log: whether the first axis is logarithmic.
         share_y: whether all panels have one second axis.
+        notes: sentences for those who read it as a table: scale, and what the paper has.
     """
 
     panels: Mapping[str, Mapping[str, Line]]
@@ -44,11 +62,35 @@ class Figure:
     y: str
     log: bool = False
     share_y: bool = True
+    notes: Sequence[str] = ()
 
     @property
     def names(self) -> list[str]:
         """Of the lines of all panels; a line has the same colour in each."""
         return list(dict.fromkeys(name for lines in self.panels.values() for name in lines))
+
+    def tables(self) -> list[Table]:
+        """A table for each panel: some of its points, the first and the last among them."""
+        shown = {title: lines for title, lines in self.panels.items() if lines}
+        tables = []
+        for title, lines in shown.items():
+            every = sorted({x for line in lines.values() for x in line.x})
+            at = [every[i] for i in np.unique(np.linspace(0, len(every) - 1, COLUMNS).round().astype(int))]
+            rows = [[name, *(line.at(x) for x in at)] for name, line in lines.items()]
+            last = title == list(shown)[-1]
+            head = [self.x, *(f"{x:.4g}" for x in at)]
+            tables.append(Table(f"{self.y}, {title}", head, rows, self.notes if last else ()))
+        return tables
+
+    def csv(self) -> str:
+        """All points, one in a row."""
+        rows = [
+            [title, name, *(f"{value:.6g}" for value in point)]
+            for title, lines in self.panels.items()
+            for name, line in lines.items()
+            for point in line.points()
+        ]
+        return Table("", ["panel", "line", self.x, self.y, "low", "high"], rows).csv()
 
     def draw(self) -> dict[str, bytes]:
         """The picture as ``"png"`` and as ``"svg"``.
@@ -63,7 +105,7 @@ class Figure:
         from matplotlib.figure import Figure as Canvas
         from matplotlib.lines import Line2D
 
-        columns = min(3, len(self.panels))
+        columns = 2 if len(self.panels) == 4 else min(3, len(self.panels))
         rows = -(-len(self.panels) // columns)
         with matplotlib.rc_context({"svg.hashsalt": "evaps", "font.size": 9}):
             canvas = Canvas(figsize=(max(6.4, 1.5 + 3.4 * columns), 0.8 + 2.6 * rows), layout="constrained")
@@ -89,7 +131,9 @@ class Figure:
             if len(line.low):
                 ax.fill_between(line.x, line.low, line.high, color=style["color"], alpha=0.15, linewidth=0)
         ax.set(title=title, xlabel=self.x, ylabel=self.y)
-        ax.label_outer()
+        ax.xaxis.set_tick_params(labelbottom=True)  # a panel may have none below it
+        if self.share_y:
+            ax.label_outer(remove_inner_ticks=False)
         ax.grid(alpha=0.3)
         if self.log:
             ax.set_xscale("log")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from evaps.dsl import UserError
 from evaps.metrics import METRICS, TITLES, TOP, MethodResults, Results, Row, bootstrap
 from evaps.report.names import name_of
 from evaps.report.paper import GENERALIZATION
@@ -97,27 +98,38 @@ def noise_table(rows: Path, method: str) -> str:
     return markdown_cells(head, table)
 
 
-def noise_costs(rows: Path, noisy: Path) -> str:
+def noise_costs(rows: Path) -> str:
     """Markdown: generalization by the share of invalid pixels, and what that share costs on the same tasks.
 
     The differences are in points, with 95 % intervals of a paired bootstrap over the tasks.
 
     Args:
-        rows: a folder of files without noise.
-        noisy: a folder of files with it; a method's first seed counts.
+        rows: a folder of files, one for each method and share, 0 among them; a method's first seed counts.
+
+    Raises:
+        UserError: there are no rows without noise, or they were computed in another precision.
     """
+    by_share = Results.by_column(rows, "noise")
+    clean = by_share.pop(0.0, None)
     table = []
-    clean = Results.read(rows)
-    by_share = sorted(Results.by_column(noisy, "noise").items())
-    for method in dict.fromkeys(method for _, results in by_share for method in results.methods):
-        for share, results in by_share:
-            if method not in results.methods:
-                continue
-            run = results.first(method)
-            whole = clean.of_tasks(run.tasks).first(method)
-            name = [name_of(method), f"{100 * share:.0f} %", str(len(run.tasks))]
-            table.append([*name, *(_change(whole, run, k) for k in TOP)])
+    for method in dict.fromkeys(method for results in by_share.values() for method in results.methods):
+        if clean is None or method not in clean.methods:
+            raise UserError(f"{rows} has no rows of {method} without noise to compare with")
+        whole = clean.first(method)
+        for share, results in sorted(by_share.items()):
+            if method in results.methods:
+                run = results.first(method)
+                _check_comparable(whole, run)
+                name = [name_of(method), f"{100 * share:.0f} %", str(len(run.tasks))]
+                table.append([*name, *(_change(whole, run, k) for k in TOP)])
     return markdown_cells(["method", "invalid pixels", "tasks", *(f"@{k}" for k in TOP)], table)
+
+
+def _check_comparable(one: MethodResults, other: MethodResults) -> None:
+    """In another precision a synthesizer proposes other programs: that would be taken for noise."""
+    precisions = {run.answers()[0].get("machine", "").rpartition(", ")[2] for run in (one, other)}
+    if one.tasks != other.tasks or len(precisions) > 1:
+        raise UserError(f"rows of {one.method} with and without noise differ in tasks or in precision")
 
 
 def _change(before: MethodResults, after: MethodResults, k: int) -> str:

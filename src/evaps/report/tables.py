@@ -103,7 +103,8 @@ def scale_note(results: Results) -> str:
     plural = "" if seeds == [1] else "s"
     ours = f"{_range(tasks)} test tasks, {_range(seeds)} seed{plural}, scale {', '.join(scales)}"
     trained = f", trained on 70 % of {_range(data)} tasks" if data else ""
-    return f"Ours: {ours}{trained}. The paper: {PAPER}."
+    once = " One seed: intervals are over test tasks, and say nothing about training again."
+    return f"Ours: {ours}{trained}. The paper: {PAPER}.{once if seeds == [1] else ''}"
 
 
 def differences(

@@ -1,12 +1,15 @@
-"""The embeddings of a data set's observations: computed once, in parts, and kept beside it."""
+"""The embeddings of many observations: computed once, in parts, and kept beside the data set."""
 
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from accelerate import PartialState
 
 from evaps.files import write_atomically
 from evaps.models.encoder import Encoder
@@ -16,12 +19,12 @@ from evaps.tasks.frames import unpack_frames
 from evaps.tasks.progress import track
 from evaps.tasks.task import EXAMPLES
 
-PART = 1_000  # tasks whose embeddings are lost together where the job is stopped
+PART = 1_000  # tasks or walks whose embeddings are lost together where the job is stopped
 TOGETHER = 10  # tasks whose frames are embedded at once
 
 Features = np.ndarray[Any, np.dtype[np.float16]]
 """Of every task, of its examples (the test example too: LGRL learns from any five of six), of their first and
-their last observation: ``[task, pair, 2, feature]``."""
+their last observation: ``[task, pair, 2, feature]``. Or of every walk: ``[walk, time, feature]``."""
 
 
 def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> Features:
@@ -35,16 +38,30 @@ def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> Features:
         key: tells this encoder from others.
     """
     path = dataset.folder / f"features-{key}-{len(dataset)}.npy"
-    if not path.exists():
-        parts = path.with_suffix(".parts")
-        files = {start: parts / f"part-{start:07d}.npy" for start in range(0, len(dataset), PART)}
-        missing = [start for start, file in files.items() if not file.exists()]
-        done = PART * (len(files) - len(missing))
-        for start in track(missing, len(dataset), "features of tasks", done, PART):
-            positions = range(start, min(start + PART, len(dataset)))
-            write_atomically(files[start], array_bytes(_features(dataset, positions, encoder)))
-        write_atomically(path, array_bytes(np.concatenate([np.load(file) for file in files.values()])))
-        shutil.rmtree(parts)
+    return in_parts(path, len(dataset), "features of tasks", lambda rows: _features(dataset, rows, encoder))
+
+
+def in_parts(path: Path, count: int, what: str, make: Callable[[range], Features]) -> Features:
+    """An array in a file; made part by part if it is not there, so that this can be interrupted.
+
+    Where several processes train together, the first one makes it and the others wait.
+
+    Args:
+        path: the file.
+        count: rows of the array.
+        what: a row's name, for the progress.
+        make: the rows of a range.
+    """
+    with PartialState().main_process_first():
+        if not path.exists():
+            parts = path.with_suffix(".parts")
+            files = {start: parts / f"part-{start:07d}.npy" for start in range(0, count, PART)}
+            missing = [start for start, file in files.items() if not file.exists()]
+            done = PART * (len(files) - len(missing))
+            for start in track(missing, count, what, done, PART):
+                write_atomically(files[start], array_bytes(make(range(start, min(start + PART, count)))))
+            write_atomically(path, array_bytes(np.concatenate([np.load(file) for file in files.values()])))
+            shutil.rmtree(parts)
     features: Features = np.load(path)
     return features
 

@@ -11,17 +11,16 @@ from torch import Tensor
 
 from evaps.domain import CHOSEN
 from evaps.dsl.sampler import ACTIONS
-from evaps.files import write_atomically
 from evaps.models import load_encoder
 from evaps.models.checkpoint import hash_of
 from evaps.models.compute import device
 from evaps.models.inverse import AXES, InverseModel
-from evaps.synthesis.features import array_bytes, embed
+from evaps.synthesis.features import embed
 from evaps.tasks.frames import unpack_frames
 from evaps.tasks.identity import short_hash
-from evaps.tasks.progress import track
 from evaps.tasks.walks import Walks
 from evaps.train.encoder import find_walks, held_out
+from evaps.train.features import in_parts
 from evaps.train.loop import FitConfig, Share, fit
 from evaps.train.run import Run
 
@@ -64,17 +63,15 @@ def walk_features(run: Run, walks: Walks) -> npt.NDArray[np.float16]:
     folder = run.out / "encoder"
     key = short_hash([hash_of(folder), run.seed, run.scale.walks, run.scale.task_walks])
     path = run.dataset.folder / f"walk-features-{key}.npy"
-    if not path.exists():
-        encoder = load_encoder(folder).to(device())
-        starts = range(0, len(walks.frames), EMBEDDED_TOGETHER)
-        parts = []
-        for start in track(starts, len(walks.frames), "features of walks", 0, EMBEDDED_TOGETHER):
-            packed = walks.frames[start : start + EMBEDDED_TOGETHER]
-            frames = [frame for walk in packed for frame in unpack_frames(walk)]
-            parts.append(embed(encoder, frames).cpu().numpy().astype(np.float16))
-        features = np.concatenate(parts).reshape(len(walks.frames), -1, encoder.config.feature)
-        write_atomically(path, array_bytes(features))
-    return np.load(path, mmap_mode="r")  # type: ignore[no-any-return]
+    encoder = load_encoder(folder).to(device())
+
+    def embedded(rows: range) -> npt.NDArray[np.float16]:
+        parts = [rows[start : start + EMBEDDED_TOGETHER] for start in range(0, len(rows), EMBEDDED_TOGETHER)]
+        seen = ([frame for row in part for frame in unpack_frames(walks.frames[row])] for part in parts)
+        features = np.concatenate([embed(encoder, frames).cpu().numpy() for frames in seen])
+        return features.astype(np.float16).reshape(len(rows), -1, encoder.config.feature)
+
+    return in_parts(path, len(walks.frames), "features of walks", embedded)
 
 
 def signed_counts(walks: Walks) -> npt.NDArray[np.float64]:
