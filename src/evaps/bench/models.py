@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -126,4 +127,4 @@ def _execution(program: Program, rng: np.random.Generator) -> Execution:
     ends = [rng.integers(0, ROWS, EXAMPLES) for _ in range(3)]
     pair, segment = np.indices((EXAMPLES, segments)).reshape(2, -1)
     events = np.column_stack([pair, segment, rng.integers(0, ROWS, pair.size)])
-    return Execution(program, *seen, *ends, events)
+    return replace(Execution(program, *seen, *ends), events=events)
