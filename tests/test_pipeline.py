@@ -14,7 +14,8 @@ from safetensors.torch import load_file
 from evaps.dsl import Program, UserError
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import EvaluationPart, _facts, evaluate, evaluate_part
-from evaps.models.checkpoint import CheckpointError, hash_of
+from evaps.models import new_method
+from evaps.models.checkpoint import CheckpointError, hash_of, read_config, save_checkpoint
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import Workers
@@ -28,6 +29,7 @@ EVAPS = str(Path(sys.executable).with_name("evaps"))
 TIMES = ("seconds",)
 METHODS = ("lgrl", "evaps", "inferred-trace", "verified")
 ACTIONS = 150  # that a search may simulate
+UNTRAINED = ("transformer", "sed", "naive", "evaps-parallel")
 TRAINED = ("lgrl", "lgrl-rl", "inferred-trace", "latent-execution", "evaps")
 
 pytestmark = pytest.mark.slow
@@ -153,11 +155,26 @@ def test_an_evaluation_is_the_same_again(data: Path, model: Path, tmp_path: Path
         assert row["attempts"][-1]["program"] == row["program"]
 
 
+@pytest.fixture(scope="module")
+def all_models(model: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What was trained, and the methods that were not, with random weights."""
+    folder = tmp_path_factory.mktemp("models")
+    for path in model.iterdir():
+        (folder / path.name).symlink_to(path)
+    facts = read_config(model / "evaps", "evaps")["facts"]
+    for name in UNTRAINED:
+        save_checkpoint(folder / name, new_method(name), name, facts)
+    return folder
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.1])
-def test_no_candidate_depends_on_what_methods_must_not_know(data: Path, model: Path, noise: float) -> None:
+def test_no_candidate_depends_on_what_methods_must_not_know(
+    data: Path, all_models: Path, noise: float
+) -> None:
     """Another hidden program, test scene, test goal, and other hidden states: byte for byte the same."""
-    dataset = Dataset(data)
-    methods = (*METHODS, "lgrl-rl", "latent-execution", "enumeration", "blind") if not noise else METHODS
+    dataset, model = Dataset(data), all_models
+    others = ("lgrl-rl", "latent-execution", "enumeration", "blind", "prior", *UNTRAINED)
+    methods = METHODS if noise else (*METHODS, *others)
     facts = {method: _facts(str(model), method, dataset, "test", noise, ACTIONS) for method in methods}
     (part,) = task_parts(Path("none"), dataset, dataset.split("test")[:1], 1)
     part = part.loaded(dataset)

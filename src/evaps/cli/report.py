@@ -16,8 +16,8 @@ from evaps.cli.inputs import writing
 class Report(Command):
     """Make a table or a figure from the rows of `evaps evaluate`.
 
-    Tables become Markdown, LaTeX and CSV, figures PNG and SVG: table-1, table-2, frames, complexity,
-    candidates, actions, seconds, rounds, effects, edits, noise, sizes, learning; or all.
+    All become Markdown, LaTeX and CSV, and figures PNG and SVG, too: table-1, table-2, frames, checked,
+    complexity, candidates, actions, seconds, rounds, effects, edits, noise, sizes, learning; or all.
     """
 
     name: Annotated[Positional[str], arg(metavar="NAME")]
