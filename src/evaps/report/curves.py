@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -104,7 +105,9 @@ def actions(results: Results) -> Figure:
 
 def seconds(results: Results) -> Figure:
     """How many tasks have an answer that passes and generalizes, against the seconds that it took."""
-    return _budget(results, "seconds", np.geomspace(0.1, 100, 25), "seconds")
+    machines = {str(row.get("machine")) for run in results.each() for row in run.answers()}
+    notes = [f"Judged on {len(machines)} kinds of machines: seconds do not compare."] * (len(machines) > 1)
+    return replace(_budget(results, "seconds", np.geomspace(0.1, 100, 25), "seconds"), notes=notes)
 
 
 def _budget(
