@@ -259,4 +259,4 @@ def main(plan: Plan) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Plan))
+    main(tyro.cli(Plan, description=__doc__))

@@ -76,4 +76,4 @@ def main(sizes: Sizes) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Sizes))
+    main(tyro.cli(Sizes, description=__doc__))

@@ -73,7 +73,7 @@ def _shows_something(made: Item | list[Table]) -> bool:
 
 def _further(rows: Path) -> list[str]:
     """The reports for which there is more than rows."""
-    return [name for name, folder in FURTHER.items() if (rows / folder).is_dir()]
+    return [name for name, folder in FURTHER.items() if any((rows / folder).glob("*.*"))]
 
 
 def _make(name: str, rows: Path, results: Callable[[], Results]) -> Item | list[Table]:
