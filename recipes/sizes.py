@@ -1,9 +1,11 @@
-"""What more training data is worth: the same methods, trained on the first tasks of the data set only.
+"""What more training data is worth: the same methods, trained on the first tasks of the data set, or on more.
 
-    python -m recipes.sizes   # results/small/methods/sizes/; an hour and a half after `recipes.paper`
+    python -m recipes.sizes   # results/small/methods/sizes/; four hours after `recipes.paper`
+    python -m recipes.sizes --sizes 50000
 
 A task depends on the data set's seed and its index alone, so a smaller data set is the beginning of a larger
-one. Encoder and inverse model are those of the whole: they learn from random walks, which anybody can have.
+one, with the same test tasks first. All have the same number of batches. Encoder and inverse model are those of
+the usual size: they learn from random walks, which anybody can have.
 """
 
 from __future__ import annotations
@@ -35,8 +37,8 @@ from recipes.paper import (
 class Sizes:
     """What is made."""
 
-    sizes: tuple[int, ...] = (2_500, 5_000, 10_000)
-    """Tasks in the smaller data sets; 70 % of them are for training."""
+    sizes: tuple[int, ...] = (2_500, 5_000, 10_000, 50_000)
+    """Tasks in the other data sets; 70 % of them are for training."""
     methods: tuple[str, ...] = (PROPOSER,)
     """Who is trained on them; the whole data set's checkpoints are judged beside them."""
     plan: Plan = field(default_factory=Plan)
@@ -44,7 +46,7 @@ class Sizes:
 
 
 def make_rows(plan: Plan, tasks: int, method: str) -> None:
-    """Rows of a method that is trained on the first ``tasks`` of the data set."""
+    """Rows of a method that is trained on so many tasks."""
     data, runs = plan.root / "data" / f"{plan.scale}-{tasks}", Path(f"{plan.runs(0)}-{tasks}")
     generate(data, tasks, DATA_SEED, Workers(plan.workers))
     for name in with_what_is_needed((method,)):

@@ -137,6 +137,8 @@ class Figure:
         ax.grid(alpha=0.3)
         if self.log:
             ax.set_xscale("log")
+        else:
+            ax.xaxis.get_major_locator().set_params(integer=True)  # candidates, rounds, batches
 
 
 def _style(index: int) -> dict[str, Any]:
