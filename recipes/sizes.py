@@ -4,8 +4,8 @@
     python -m recipes.sizes --sizes 50000
 
 A task depends on the data set's seed and its index alone, so a smaller data set is the beginning of a larger
-one, with the same test tasks first. All have the same number of batches. Encoder and inverse model are those of
-the usual size: they learn from random walks, which anybody can have.
+one, with the same test tasks first. All have the same number of batches. Encoder and inverse model are those
+of the usual size: they learn from random walks, which anybody can have.
 """
 
 from __future__ import annotations

@@ -131,9 +131,9 @@ class Figure:
             if len(line.low):
                 ax.fill_between(line.x, line.low, line.high, color=style["color"], alpha=0.15, linewidth=0)
         ax.set(title=title, xlabel=self.x, ylabel=self.y)
-        ax.xaxis.set_tick_params(labelbottom=True)  # a panel may have none below it
-        if self.share_y:
-            ax.label_outer(remove_inner_ticks=False)
+        ax.tick_params(labelbottom=True)  # a panel may have none below it
+        if self.share_y and not ax.get_subplotspec().is_first_col():
+            ax.set_ylabel("")
         ax.grid(alpha=0.3)
         if self.log:
             ax.set_xscale("log")
