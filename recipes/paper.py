@@ -77,7 +77,7 @@ class Plan:
     tasks: int = 1_000
     """Test tasks."""
     noise: bool = False
-    """Judge LGRL and EVAPS with noise, too, each four times on 400 tasks."""
+    """Judge LGRL and EVAPS with noise, too, and without, each five times on 400 tasks."""
     retrain: bool = False
     """Train and judge everything anew, beside shipped checkpoints and over committed rows."""
     ship: bool = False
@@ -113,13 +113,14 @@ def make(plan: Plan) -> None:
         raise UserError(f"--ship is for {', '.join(SHIP)} of seed 0; name lgrl and evaps, and seed 0")
     for seed in plan.seeds:
         methods = [method for method in plan.methods if not is_done(plan, seed, method)]
-        if methods or plan.noise:
+        noisy = [method for method in NOISY if plan.noise and method in plan.methods]
+        if methods or noisy:
             make_data(plan)
-        for method in with_what_is_needed(methods):
-            make_checkpoint(plan, seed, method)
+            for method in with_what_is_needed([*methods, *noisy]):
+                make_checkpoint(plan, seed, method)
         for method in methods:
             make_rows(plan, seed, method)
-        for method in (m for m in NOISY if plan.noise and m in plan.methods):
+        for method in noisy:
             for share in NOISE:
                 make_rows(plan, seed, method, share)
     for method in SHIP if plan.ship else ():
