@@ -134,11 +134,10 @@ def is_done(plan: Plan, seed: int, method: str) -> bool:
     They did not if there is a checkpoint that somebody has trained here, or another one is shipped by now.
     """
     rows, shipped = plan.results / "methods" / f"{method}-{seed}.parquet", SHIPPED / plan.scale
-    if plan.retrain or not rows.exists() or (plan.runs(seed) / method).exists():
+    if plan.retrain or (plan.runs(seed) / method).exists():
         return False
-    if seed == 0 and (shipped / method).is_dir():
-        return have_rows(rows, plan.tasks, {method: weights_of(shipped, method)})
-    return have_rows(rows, plan.tasks, {method: None})
+    comes_along = seed == 0 and (shipped / method).is_dir()
+    return have_rows(rows, plan.tasks, {method: weights_of(shipped, method) if comes_along else None})
 
 
 def have_rows(path: Path, tasks: int, weights: Mapping[str, str | None]) -> bool:

@@ -234,7 +234,7 @@ def test_what_noise_costs_is_told_on_the_same_tasks_and_in_the_same_precision(tm
 def test_a_figure_is_a_table_too() -> None:
     figure = complexity(results_of(rows("lgrl", [0, None, None, None])))
     (table,) = figure.tables()
-    assert table.head[0], table.head[-1] == ("candidates", "20")
+    assert (table.head[0], table.head[-1]) == ("candidates", "20")
     assert table.rows == [["LGRL", *["25"] * 8]]
     lines = figure.csv().splitlines()
     assert lines[0] == "panel,line,candidates,generalization (%),low,high"

@@ -1,7 +1,8 @@
 """What trainings make beside their steps is made in parts: interrupted anywhere, it goes on, to the same."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from evaps.train.repairers import find_mistakes
 from evaps.train.run import Run
 
 TASKS = 24
+T = TypeVar("T")
 
 pytestmark = pytest.mark.slow
 
@@ -29,11 +31,11 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return Dataset(folder)
 
 
-def stops_at(call: int, function):  # type: ignore[no-untyped-def]
+def stops_at(call: int, function: Callable[..., T]) -> Callable[..., T]:
     """A function that is interrupted at a call, counted from 1, and works in the others."""
     calls = 0
 
-    def interrupted(*args, **kwargs):  # type: ignore[no-untyped-def]
+    def interrupted(*args: Any, **kwargs: Any) -> T:
         nonlocal calls
         calls += 1
         if calls == call:

@@ -69,8 +69,8 @@ class PairLSTM(nn.LSTM):
             if layer + 1 < self.num_layers:
                 into, _, bias = weights[layer + 1]
                 gates = F.linear(outputs, into, bias)
-        after = zip(*states, strict=True)
-        return outputs, tuple(map(torch.stack, after))  # type: ignore[return-value]
+        hiddens, cells = zip(*states, strict=True)
+        return outputs, (torch.stack(hiddens), torch.stack(cells))
 
 
 def _over_time(
