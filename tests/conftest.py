@@ -15,7 +15,10 @@ from evaps.robots.memo import MemoRobot
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 HERE = Path(__file__).parent
-sys.path += [str(HERE), str(HERE / "robots")]  # `rows`, `commands`; `robot_jobs`, `engine_processes`
+sys.path += [
+    str(HERE),
+    str(HERE / "robots"),
+]  # `rows`, `commands`, `html_tree`; `robot_jobs`, `engine_processes`
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

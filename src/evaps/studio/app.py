@@ -34,7 +34,7 @@ from evaps.synthesis import Budget
 from evaps.tasks.generate import unseen_task
 from evaps.tasks.task import EXAMPLES, load_task, save_task
 from evaps.viewer.film import look, record
-from evaps.viewer.page import COLOURS
+from evaps.viewer.render import COLOURS
 
 PAGE = Path(__file__).parent / "page"
 PARTS = {path.name: path for path in (*PAGE.glob("*.js"), PAGE / "studio.css", COLOURS)}
