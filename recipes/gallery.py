@@ -28,7 +28,7 @@ from evaps.viewer.gallery import Answer, Exhibit, write_gallery
 from recipes.paper import Plan, make_data
 
 LEAD = (
-    "{} test tasks, drawn by a seed ({}) and not by success, and each method's first answer. Methods saw five "
+    "{} test tasks, drawn by a seed ({}) and not by success, and each method's first answer. They saw five "
     "examples: a scene, and the view that the robot should end with. An answer is right if it does what the "
     "hidden program does in all five scenes, and in a sixth one that was kept back. No method has seen that "
     "program; the sentences that say where an answer goes wrong come from comparing the two runs.",
