@@ -98,6 +98,7 @@ def test_a_checkpoint_says_how_it_was_made(model: Path) -> None:
     facts = json.loads((model / "evaps" / "config.json").read_text())["facts"]
     assert (facts["scale"], facts["seed"], facts["dataset"]["seed"]) == ("smoke", 0, 0)
     assert facts["precision"] in ("bfloat16", "float32")
+    assert facts["made_from"] == {name: hash_of(model / name) for name in ("encoder", "inverse", "lgrl")}
 
 
 def test_a_training_that_is_done_is_not_done_again(data: Path, model: Path) -> None:

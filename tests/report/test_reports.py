@@ -55,7 +55,7 @@ def test_a_method_of_another_package_has_its_row() -> None:
 def test_table_2_shows_gains_over_naive() -> None:
     table = table_2(results_of(rows("naive", [0, None, None, None]), rows("evaps", [0, 0, None, None])))
     gain = table.head.index("gain @1")
-    assert [row[gain] for row in table.rows] == ["", "+25.0 (+18.6)"]
+    assert [row[gain] for row in table.rows] == ["", "+25.0 [+0.0, +75.0] (+18.6)"]
 
 
 def test_rounds_follow_every_candidate_to_where_it_was_then() -> None:
@@ -193,8 +193,10 @@ def test_what_shows_nothing_is_not_written(tmp_path: Path) -> None:
 
 
 def test_an_ablation_without_its_base_has_no_gains() -> None:
-    table = table_2(results_of(rows("evaps", [0])))
-    assert table.rows[0][table.head.index("gain @1")] == ""
+    alone = table_2(results_of(rows("evaps", [0])))
+    other_tasks = table_2(results_of(rows("naive", [0, None]), rows("evaps", [0])))
+    assert alone.rows[0][alone.head.index("gain @1")] == ""
+    assert other_tasks.rows[1][other_tasks.head.index("gain @1")] == ""
 
 
 def test_learning_tells_seeds_apart_and_leaves_out_who_was_not_validated(tmp_path: Path) -> None:

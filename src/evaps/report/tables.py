@@ -49,11 +49,9 @@ def table_2(results: Results) -> Table:
         gains = [_gain(results, method, base, k) if base else "" for k in TOP]
         name = "candidates before repair (LGRL)" if method == "lgrl" else name_of(method)
         rows.append([name, *cells, *gains, str(len(results.by_method[method]))])
-    notes = [
-        scale_note(results),
-        *([f"Gains are over {name_of(base)}, in points."] if base else []),
-        *differences(results, "evaps", [m for m in methods if m != "evaps"]),
-    ]
+    notes = [scale_note(results), *differences(results, "evaps", [m for m in methods if m != "evaps"])]
+    if base:
+        notes.insert(1, f"Gains are over {name_of(base)}, in points, with 95 % intervals.")
     return Table("What the parts of EVAPS add; the paper's in brackets", head, rows, notes, number=2)
 
 
@@ -133,12 +131,15 @@ def _difference(results: Results, better: str, other: str, k: int) -> str:
 def _gain(results: Results, method: str, base: str, k: int) -> str:
     if method == base:
         return ""
-    gains = results.top(method, GOAL, k).mean() - results.top(base, GOAL, k).mean()
+    try:
+        found = results.difference(method, base, GOAL, k)
+    except ValueError:  # not judged on the same tasks
+        return ""
     paper = ""
     if method in GENERALIZATION and base in GENERALIZATION:
         i = TOP.index(k)
         paper = f" ({GENERALIZATION[method][i] - GENERALIZATION[base][i]:+.1f})"
-    return f"{gains:+.1f}{paper}"
+    return f"{found.mean:+.1f} [{found.low:+.1f}, {found.high:+.1f}]{paper}"
 
 
 def _published(metric: str, method: str, i: int) -> str:

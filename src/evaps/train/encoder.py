@@ -38,6 +38,7 @@ def train_encoder(run: Run) -> Path:
     model = TransitionModel(sizes).to(device())
     batches = WalkBatches(walks, run.scale.encoder_batch, run.seed)
     config = FitConfig(run.scale.encoder_steps, rate=1e-3, seed=run.seed, validate_every=500)
+    made_from = run.made_from(model)
     metrics = fit(
         model,
         encoder_loss(model, batches),
@@ -45,10 +46,10 @@ def train_encoder(run: Run) -> Path:
         run.out / "encoder",
         validate(model, batches),
         "counts",
-        run.made_from(model),
+        made_from,
         run.tensorboard,
     )
-    return run.save(model.encoder, "encoder", config, metrics)
+    return run.save(model.encoder, "encoder", config, metrics, made_from)
 
 
 def held_out(walks: int) -> int:

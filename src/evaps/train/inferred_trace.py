@@ -47,7 +47,7 @@ def train_inferred_trace(run: Run, model: InferredTrace) -> Path:
         "policy_reaches": float(ways.reached[len(train) :].mean()),
     }
     policy = {f"policy_{key.removeprefix('validation_policy_')}": value for key, value in first.items()}
-    return run.save(model, model.name, config, {**metrics, **policy, **reached})
+    return run.save(model, model.name, config, {**metrics, **policy, **reached}, made_from)
 
 
 def _fit_policy(

@@ -55,7 +55,7 @@ def train_inverse(run: Run) -> Path:
 
     made_from = run.made_from(model, "encoder")
     metrics = fit(model, loss_at, config, run.out / "inverse", validate, "right", made_from, run.tensorboard)
-    return run.save(model, "inverse", config, metrics)
+    return run.save(model, "inverse", config, metrics, made_from)
 
 
 def walk_features(run: Run, walks: Walks) -> npt.NDArray[np.float16]:

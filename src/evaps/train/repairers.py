@@ -49,7 +49,7 @@ def train_repairer(run: Run, model: Repairer) -> Path:
 
     folder = run.out / model.name
     metrics = fit(model, loss_at, config, folder, validate, "semantic", made_from, run.tensorboard)
-    return run.save(model, model.name, config, metrics)
+    return run.save(model, model.name, config, metrics, made_from)
 
 
 def find_mistakes(run: Run, split: str) -> Mistakes:

@@ -41,7 +41,7 @@ def train_on_rewards(run: Run, model: Synthesizer, start: str) -> Path:
     validation = Validation(run, model)
     folder = run.out / model.name
     metrics = fit(model, loss_at, config, folder, validation, "solved", made_from, run.tensorboard)
-    return run.save(model, model.name, config, metrics)
+    return run.save(model, model.name, config, metrics, made_from)
 
 
 def reward_loss(run: Run, model: Synthesizer, positions: Sequence[int]) -> tuple[Tensor, dict[str, float]]:

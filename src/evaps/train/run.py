@@ -123,14 +123,21 @@ class Run:
             if isinstance(module, PairEmbedding):
                 module.load_state_dict(weights)
 
-    def save(self, model: torch.nn.Module, name: str, config: FitConfig, metrics: dict[str, float]) -> Path:
-        """Write a checkpoint, with the facts of its making."""
+    def save(
+        self,
+        model: torch.nn.Module,
+        name: str,
+        config: FitConfig,
+        metrics: dict[str, float],
+        made_from: dict[str, Any],
+    ) -> Path:
+        """Write a checkpoint, with the facts of its making; ``made_from`` are those of `made_from`."""
         facts = {
             "scale": self.scale_name,
             "seed": self.seed,
             "dataset": self.dataset.identity,
             "fit": asdict(config),
-            "made_from": {} if name == "encoder" else {"encoder": hash_of(self.out / "encoder")},
+            "made_from": made_from["checkpoints"],
             "metrics": {key: round(value, 5) for key, value in metrics.items()},
             "commit": self._commit,
             "evaps": version("evaps"),

@@ -50,7 +50,7 @@ def train_synthesizer(run: Run, model: Synthesizer) -> Path:
             metrics = second
         else:
             model.load_state_dict(first)
-    return run.save(model, model.name, config, metrics)
+    return run.save(model, model.name, config, metrics, made_from)
 
 
 def fit_likelihood(
