@@ -17,6 +17,8 @@ import tyro
 
 from evaps.dsl import Program
 from evaps.metrics import Results, Row
+from evaps.models import SEARCHES
+from evaps.report import SEARCHED
 from evaps.report.names import name_of
 from evaps.report.tables import TABLE_1
 from evaps.robots.memo import MemoRobot
@@ -44,8 +46,8 @@ class Gallery:
     """How many test tasks."""
     seed: int = 0
     """Of the draw."""
-    results: Path = Path("results/small")
-    """Folder of the rows: methods/METHOD-0.parquet and verified.parquet."""
+    rows: Path = Path("results/small/methods")
+    """Folder of the rows, METHOD-0.parquet and searches/verified.parquet."""
     methods: tuple[str, ...] = (*TABLE_1, "verified")
     """Who answers."""
     data: Path = Path("data/small")
@@ -58,8 +60,8 @@ def first_answers(gallery: Gallery) -> dict[str, dict[int, Row]]:
     """Of each method the row of its first candidate, by the index of the task."""
     found = {}
     for method in gallery.methods:
-        name = "verified.parquet" if method == "verified" else f"methods/{method}-0.parquet"
-        run = Results.read(gallery.results / name).first(method)
+        path = f"{SEARCHED}/{method}.parquet" if method in SEARCHES else f"{method}-0.parquet"
+        run = Results.read(gallery.rows / path).first(method)
         found[method] = {task: run.rows[task][0] for task in run.tasks}
     return found
 

@@ -17,6 +17,7 @@ from evaps.domain import CHOSEN
 from evaps.files import write_atomically
 from evaps.metrics import Results, Row
 from evaps.models import needed_for
+from evaps.report import SEARCHED
 from evaps.report.names import name_of
 from evaps.report.summary import (
     answer_table,
@@ -35,7 +36,7 @@ from recipes.paper import NOISE, Plan, judge, make_checkpoint, make_data, with_w
 PLAN = Plan()
 RESULTS = PLAN.results
 METHODS = RESULTS / "methods"
-ROWS = RESULTS / "verified.parquet"
+ROWS = METHODS / SEARCHED / "verified.parquet"
 PARTS = RESULTS / "verified-parts.parquet"
 PART_TASKS = 40
 MISSING = RESULTS / "verified-missing.json"

@@ -147,13 +147,13 @@ class Results:
                 )
 
     @classmethod
-    def read(cls, path: Path) -> Results:
-        """Read a file of rows, or all files in a folder.
+    def read(cls, *paths: Path) -> Results:
+        """Read files of rows, of a folder all that are in it.
 
         Raises:
             UserError: there are none, or they do not belong together.
         """
-        return cls([_read(file) for file in _files(path)])
+        return cls([_read(file) for path in paths for file in _files(path)])
 
     @classmethod
     def by_column(cls, path: Path, column: str) -> dict[float, Results]:

@@ -10,7 +10,7 @@ from rows import repaired, results_of, rows, table_of
 
 from evaps.dsl import UserError
 from evaps.metrics import Results
-from evaps.report import LEARNING, NOISE, REPORTS, SIZES, report
+from evaps.report import BUDGETS, LEARNING, NOISE, REPORTS, SEARCHED, SIZES, report
 from evaps.report.curves import actions, complexity, learning, noise, sizes
 from evaps.report.figure import Figure, Line
 from evaps.report.repairs import edits, effects, rounds
@@ -95,6 +95,15 @@ def test_an_answer_counts_from_what_it_has_cost() -> None:
     made[0] |= {"pairs_passed": 5, "simulated_actions": 1000}
     line = actions(results_of(made)).panels["answers"]["LGRL"]
     assert all(y == (100 if x >= 1000 else 0) for x, y in zip(line.x, line.y, strict=True))
+
+
+def test_what_answers_cost_is_shown_of_searches_too_and_nothing_else_is(tmp_path: Path) -> None:
+    (tmp_path / SEARCHED).mkdir()
+    pq.write_table(table_of(rows("lgrl", [0])), tmp_path / "lgrl-0.parquet")
+    pq.write_table(table_of(rows("verified", [0])), tmp_path / SEARCHED / "verified.parquet")
+    report("all", tmp_path, tmp_path / "out")
+    shown = {p.stem for p in (tmp_path / "out").glob("*.csv") if "verified synthesis" in p.read_text()}
+    assert shown == set(BUDGETS)
 
 
 def test_every_report_is_written_in_every_form(tmp_path: Path) -> None:

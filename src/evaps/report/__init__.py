@@ -36,6 +36,10 @@ SIZES = "sizes"
 """The report that needs rows of trainings on fewer tasks, ``ROWS/sizes/*.parquet``."""
 LEARNING = "learning"
 """The report that is made of ``ROWS/curves/METHOD-SEED.jsonl``, the metrics of trainings."""
+SEARCHED = "searches"
+"""A folder of rows of searches, which have no twenty candidates, ``ROWS/searches/*.parquet``."""
+BUDGETS = ("actions", "seconds")
+"""The reports that show these searches, too, if there are rows of them."""
 FURTHER = {NOISE: "noise", SIZES: "sizes", LEARNING: "curves"}
 """The folder beside the rows that each of these needs."""
 
@@ -87,8 +91,11 @@ def _make(name: str, rows: Path, results: Callable[[], Results]) -> Item | list[
         return curves.sizes(Results.by_column(rows / FURTHER[SIZES], "trained_on"))
     if name == NOISE:
         return curves.noise(Results.by_column(rows / FURTHER[NOISE], "noise"))
-    made = REPORTS[name](results())
-    return replace(made, notes=(*made.notes, scale_note(results()))) if isinstance(made, Figure) else made
+    shown = results()
+    if name in BUDGETS and (searches := rows / SEARCHED).is_dir():
+        shown = Results.read(rows, searches)
+    made = REPORTS[name](shown)
+    return replace(made, notes=(*made.notes, scale_note(shown))) if isinstance(made, Figure) else made
 
 
 def _write(name: str, made: Item | list[Table], out: Path) -> list[Path]:
