@@ -9,6 +9,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import torch
 from safetensors.torch import load_file
 
 from evaps.dsl import Program, UserError
@@ -22,6 +23,7 @@ from evaps.robots.workers import Workers
 from evaps.tasks.dataset import Dataset, task_parts
 from evaps.tasks.frames import pack_frames, unpack_frames
 from evaps.train import train
+from evaps.train.scale import SCALES
 from recipes.paper import Plan, make
 
 ROOT = Path(__file__).parents[1]
@@ -76,6 +78,15 @@ def test_the_recipe_makes_nothing_again(plan: Plan) -> None:
     before = {path: path.stat().st_mtime_ns for path in files if path.is_file()}
     make(plan)
     assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+def test_the_encoder_is_trained_on_with_programs(model: Path) -> None:
+    facts = json.loads((model / "encoder" / "config.json").read_text())["facts"]
+    assert facts["metrics"]["tuning_steps"] == SCALES["smoke"].tuning_steps
+    assert facts["metrics"].keys() >= {"validation_programs", "validation_counts"}
+    first, second = (torch.load(model / "encoder" / f / "best.pt") for f in (".", "tuned"))
+    same = [torch.equal(first[name], second[f"transitions.{name}"]) for name in first]
+    assert not all(same)
 
 
 def test_another_seed_trains_the_method_and_shares_the_encoder(plan: Plan) -> None:

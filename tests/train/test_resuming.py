@@ -11,24 +11,15 @@ from evaps.dsl import VOCAB, Program
 from evaps.models import SHIPPED, load_encoder, new_method
 from evaps.models.base import Synthesizer
 from evaps.robots.workers import Workers
-from evaps.tasks.build import generate
 from evaps.tasks.dataset import Dataset
 from evaps.train import features, repairers, synthesizers
 from evaps.train.features import dataset_features
 from evaps.train.repairers import find_mistakes
 from evaps.train.run import Run
 
-TASKS = 24
 T = TypeVar("T")
 
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    folder = tmp_path_factory.mktemp("resuming") / "data"
-    generate(folder, TASKS, 7, Workers(0), part=TASKS + 1)
-    return Dataset(folder)
 
 
 def stops_at(call: int, function: Callable[..., T]) -> Callable[..., T]:
@@ -48,7 +39,7 @@ def stops_at(call: int, function: Callable[..., T]) -> Callable[..., T]:
 def test_features_go_on(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     encoder = load_encoder(SHIPPED / "small" / "encoder")
     whole = dataset_features(dataset, encoder, "whole")
-    assert whole.shape == (TASKS, 6, 2, 256)
+    assert whole.shape == (len(dataset), 6, 2, 256)
     monkeypatch.setattr(features, "PART", 10)
     monkeypatch.setattr(features, "embed", stops_at(2, features.embed))
     with pytest.raises(KeyboardInterrupt):

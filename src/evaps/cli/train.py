@@ -38,18 +38,30 @@ class Train(Command):
     """Processes that simulate; by default one a core."""
     tensorboard: bool = False
     """Write the metrics for TensorBoard too (pip install 'evaps[track]'); metrics.jsonl has them always."""
+    tuning: int | None = None
+    """For encoder: batches for which it is trained on with a synthesizer, on tasks and walks, before it is
+    frozen; by default 4,000 at the scale paper, and none at small."""
     json: bool = False
     """Print one JSON object, with how good the checkpoint is on validation tasks."""
 
     def run(self) -> None:
         """Train, with progress on standard error."""
-        check_least(seed=(self.seed, 0))
+        check_least(seed=(self.seed, 0), tuning=(self.tuning or 0, 0))
         workers = workers_from(self.workers)
         from evaps.models.checkpoint import read_config
         from evaps.train import train
 
         with writing(self.out):
-            folder = train(self.method, self.data, self.out, self.scale, self.seed, workers, self.tensorboard)
+            folder = train(
+                self.method,
+                self.data,
+                self.out,
+                self.scale,
+                self.seed,
+                workers,
+                self.tensorboard,
+                self.tuning,
+            )
         metrics = read_config(folder, self.method)["facts"].get("metrics", {})
         facts = {"checkpoint": folder, "method": self.method, "metrics": metrics}
         print_result(f"{folder}: the checkpoint of {self.method}", facts, self.json)

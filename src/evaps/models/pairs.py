@@ -6,6 +6,7 @@ weights: random walks show far more pairs of observations than there are tasks.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -43,3 +44,10 @@ class PairEmbedding(nn.Module):
     ) -> Float[Tensor, "*batch pair"]:
         """The embedding of each pair; no number in it is negative."""
         return self.layers(torch.cat([before, after, after - before], -1))
+
+
+def start_pairs(model: nn.Module, weights: Mapping[str, Tensor]) -> None:
+    """Give every embedding of pairs in a model the weights of another one that has learned."""
+    for module in model.modules():
+        if isinstance(module, PairEmbedding):
+            module.load_state_dict(weights)

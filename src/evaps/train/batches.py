@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from evaps.train.loop import Share
+
+Batch = TypeVar("Batch")
 Rows = npt.NDArray[np.int64]
 POOL = 16  # batches that are sorted by length together
 
@@ -34,3 +39,20 @@ def batch_at(lengths: Sequence[int], batch: int, seed: int) -> Callable[[int], R
         return rng.permutation(order.reshape(steps, batch))
 
     return lambda step: epoch(step // steps)[step % steps]
+
+
+def one_ahead(make: Callable[[int, Share], Batch]) -> Callable[[int, Share], Batch]:
+    """The same batches; while the model works on a step's, a thread makes the next one.
+
+    Args:
+        make: the batch of a step, or a share of it.
+    """
+    thread = ThreadPoolExecutor(1)
+    ahead: dict[int, Future[Batch]] = {}
+
+    def batch(step: int, share: Share) -> Batch:
+        made = ahead.pop(step).result() if step in ahead else make(step, share)
+        ahead[step + 1] = thread.submit(make, step + 1, share)
+        return made
+
+    return batch

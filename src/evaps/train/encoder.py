@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,15 +21,17 @@ from evaps.robots.world import world
 from evaps.tasks.frames import rgbd, unpack_frames
 from evaps.tasks.task import EXAMPLES
 from evaps.tasks.walks import Walks, generate_walks
+from evaps.train.batches import one_ahead
 from evaps.train.loop import FitConfig, LossAt, Share, fit
 from evaps.train.run import Run
+from evaps.train.tuning import tune_encoder
 
 HELD_OUT = 250  # walks that are only validated on; of few walks half
 MOST_NOISE = 0.2  # share of pixels that are dropped from half of the frames
 
 
 def train_encoder(run: Run) -> Path:
-    """Learn the embedding space."""
+    """Learn the embedding space from walks; at scales that say so, train it on with what programs need."""
     walks = find_walks(run)
     torch.manual_seed(run.seed)
     height, width = world().size
@@ -39,16 +40,12 @@ def train_encoder(run: Run) -> Path:
     batches = WalkBatches(walks, run.scale.encoder_batch, run.seed)
     config = FitConfig(run.scale.encoder_steps, rate=1e-3, seed=run.seed, validate_every=500)
     made_from = run.made_from(model)
+    loss_at, validated = encoder_loss(model, batches), validate(model, batches)
     metrics = fit(
-        model,
-        encoder_loss(model, batches),
-        config,
-        run.out / "encoder",
-        validate(model, batches),
-        "counts",
-        made_from,
-        run.tensorboard,
+        model, loss_at, config, run.out / "encoder", validated, "counts", made_from, run.tensorboard
     )
+    if steps := run.scale.tuning_steps:
+        metrics = tune_encoder(run, model, loss_at, validated, made_from) | {"tuning_steps": steps}
     return run.save(model.encoder, "encoder", config, metrics, made_from)
 
 
@@ -142,13 +139,10 @@ def drop_pixels(frames: Tensor, rng: np.random.Generator) -> Tensor:
 
 def encoder_loss(model: TransitionModel, batches: WalkBatches) -> LossAt:
     """The loss of each step."""
-    thread = ThreadPoolExecutor(1)
-    ahead: dict[int, Any] = {}
+    frames_of = one_ahead(batches.noisy_frames)
 
     def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
-        frames = ahead.pop(step).result() if step in ahead else batches.noisy_frames(step, share)
-        ahead[step + 1] = thread.submit(batches.noisy_frames, step + 1, share)
-        return batch_loss(model, batches.walks, share.of(batches.at(step)), frames)
+        return batch_loss(model, batches.walks, share.of(batches.at(step)), frames_of(step, share))
 
     return loss_at
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -32,6 +33,7 @@ def train(
     seed: int = 0,
     workers: Workers = TWO,
     tensorboard: bool = False,
+    tuning: int | None = None,
 ) -> Path:
     """Train a method, or go on with it; needs what comes before it: encoder, inverse model, synthesizer.
 
@@ -43,6 +45,7 @@ def train(
         seed: of everything random in the training.
         workers: who simulates.
         tensorboard: write metrics for TensorBoard, too.
+        tuning: of the encoder: batches for which it is trained on with a synthesizer; None for the scale's.
 
     Returns:
         the checkpoint's folder.
@@ -53,6 +56,8 @@ def train(
     """
     if scale not in SCALES:
         raise UserError(f"there is no scale {scale!r}; known are {', '.join(SCALES)}")
+    if tuning is not None and method != "encoder":
+        raise UserError(f"tuning is for the encoder, not for {method}; all methods see through the same one")
     start = None
     if method not in ("encoder", "inverse"):
         if method in SEARCHES:
@@ -60,6 +65,8 @@ def train(
             raise UserError(f"{method!r} is a search, which is not trained; train what it uses: {used}")
         start = PROPOSER if is_repairer(method) else METHODS[method].start
     run = Run(Dataset(data), out, scale, seed, workers, tensorboard)
+    if tuning is not None:
+        run.scale = replace(run.scale, tuning_steps=tuning)
     if method == "encoder":
         return train_encoder(run)
     for needed in ("encoder", "inverse", start):

@@ -21,7 +21,7 @@ from evaps.models.base import Synthesizer
 from evaps.models.beam import beam_search
 from evaps.models.checkpoint import hash_of, save_checkpoint
 from evaps.models.compute import autocast, device, precision
-from evaps.models.pairs import PairEmbedding
+from evaps.models.pairs import start_pairs
 from evaps.robots.workers import Workers
 from evaps.synthesis.ways import WayTable
 from evaps.tasks.dataset import Dataset
@@ -118,10 +118,7 @@ class Run:
 
     def start_from_pairs(self, model: torch.nn.Module) -> None:
         """The embedding of pairs starts from the inverse model's, which has seen far more pairs."""
-        weights = load_inverse(self.out / "inverse").pair.state_dict()
-        for module in model.modules():
-            if isinstance(module, PairEmbedding):
-                module.load_state_dict(weights)
+        start_pairs(model, load_inverse(self.out / "inverse").pair.state_dict())
 
     def save(
         self,

@@ -19,6 +19,8 @@ class Scale:
     """Batches for the encoder."""
     encoder_batch: int
     """Walks in one of them; each has 9 frames and 36 pairs of them."""
+    tuning_steps: int
+    """Batches for which it is trained on with a synthesizer, on tasks and walks; 0: it is frozen at once."""
     inverse_steps: int
     """Batches for the inverse model."""
     synthesizer_steps: int
@@ -60,6 +62,7 @@ SCALES = {
         task_walks=0,
         encoder_steps=4,
         encoder_batch=8,
+        tuning_steps=2,
         inverse_steps=4,
         synthesizer_steps=8,
         synthesizer_batch=8,
@@ -83,6 +86,7 @@ SCALES = {
         task_walks=1_000,
         encoder_steps=1_200,
         encoder_batch=16,
+        tuning_steps=0,
         inverse_steps=2_000,
         synthesizer_steps=800,
         synthesizer_batch=32,
@@ -106,6 +110,7 @@ SCALES = {
         task_walks=8_000,
         encoder_steps=7_500,
         encoder_batch=16,
+        tuning_steps=0,
         inverse_steps=8_000,
         synthesizer_steps=4_000,
         synthesizer_batch=32,
@@ -123,13 +128,14 @@ SCALES = {
         repairer_steps=(400, 1_600),
         repairer_batch=32,
     ),
-    # Trainings of 20 to 30 epochs: some twelve hours on two cores for LGRL and EVAPS (recipes/README.md).
+    # Trainings of 20 to 30 epochs: some thirteen hours on two cores for LGRL and EVAPS (recipes/README.md).
     "paper": Scale(
         tasks=100_000,
         walks=100_000,
         task_walks=40_000,
         encoder_steps=20_000,
         encoder_batch=16,
+        tuning_steps=4_000,
         inverse_steps=20_000,
         synthesizer_steps=12_000,
         synthesizer_batch=128,
