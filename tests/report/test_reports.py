@@ -14,7 +14,14 @@ from evaps.report import BUDGETS, LEARNING, NOISE, REPORTS, SEARCHED, SIZES, rep
 from evaps.report.curves import actions, complexity, learning, noise, sizes
 from evaps.report.figure import Figure, Line
 from evaps.report.repairs import edits, effects, rounds
-from evaps.report.summary import budget_table, noise_costs, noise_table
+from evaps.report.summary import (
+    answer_table,
+    budget_table,
+    noise_costs,
+    noise_table,
+    summary_table,
+    summary_values,
+)
 from evaps.report.table import Table
 from evaps.report.tables import table_1, table_2
 
@@ -270,3 +277,17 @@ def test_a_table_by_budgets_counts_what_was_found_within_them(tmp_path: Path) ->
     head, _, line = budget_table({"large": answers}, (300, 1_000), (1.0, 10.0)).splitlines()
     assert head == "| within | tasks | 300 actions | 1,000 actions | 1 s | 10 s |"
     assert line == "| large | 4 | 25.0 / 25.0 | 50.0 / 50.0 | 0.0 / 0.0 | 75.0 / 75.0 |"
+
+
+def test_a_short_table_has_one_row_for_all_seeds_of_a_method(tmp_path: Path) -> None:
+    pq.write_table(table_of(rows("lgrl", [0, None], seed=0)), tmp_path / "lgrl-0.parquet")
+    pq.write_table(table_of(rows("lgrl", [0, 3], seed=1)), tmp_path / "lgrl-1.parquet")
+    pq.write_table(table_of(rows("naive", [None, None])), tmp_path / "naive-0.parquet")
+    head, _, lgrl, naive = summary_table(tmp_path).splitlines()
+    assert head.split(" | ")[:3] == ["| method", "seeds", "exact"]
+    assert lgrl.split(" | ")[:3] == ["| LGRL", "2", "50.0 / 75.0 / 75.0"]
+    assert naive.split(" | ")[:2] == ["| Naive", "1"]
+    values = summary_values(tmp_path)[0]
+    assert (values["method"], values["tasks"], values["seeds"], values["exact@5"]) == ("lgrl", 2, 2, 0.75)
+    pooled = answer_table([tmp_path]).splitlines()[2].split(" | ")
+    assert (pooled[0], pooled[1], pooled[3]) == ("| LGRL", "2", "50.0 %")

@@ -21,43 +21,54 @@ from evaps.tasks.task import EXAMPLES
 def summary_table(rows: Path, beside_paper: bool = False) -> str:
     """Markdown: for each method the metrics at top-1 / 5 / 20 and its answer in %, and its cost a task.
 
+    Means over seeds; how many there are stands there where a method has several.
+
     Args:
         rows: a file of rows, or a folder of such files.
         beside_paper: whether there is a column of what the paper reports.
     """
     results = Results.read(rows)
+    several = any(len(runs) > 1 for runs in results.by_method.values())
     paper = ["generalization in the paper"] if beside_paper else []
-    head = ["method", *(TITLES[m] for m in METRICS), *paper, "answer", "seconds", "simulated actions"]
+    costs = ["answer", "seconds", "simulated actions"]
+    head = ["method", *["seeds"] * several, *(TITLES[m] for m in METRICS), *paper, *costs]
     table = []
-    for run in results.each():
-        matches = [
-            " / ".join(f"{100 * run.matches(metric, k).mean():.1f}" for k in TOP) for metric in METRICS
-        ]
+    for method, runs in results.by_method.items():
+        cells = [name_of(method), *[str(len(runs))] * several]
+        cells += [" / ".join(f"{results.top(method, m, k).mean():.1f}" for k in TOP) for m in METRICS]
         if beside_paper:
-            matches.append(" / ".join(f"{share:.1f}" for share in GENERALIZATION.get(run.method, ())))
-        costs = [f"{100 * run.answered().mean():.1f}", f"{run.column('seconds').mean():.2f}"]
-        costs.append(f"{run.column('simulated_actions').mean():.0f}")
-        table.append([name_of(run.method), *matches, *costs])
+            cells.append(" / ".join(f"{share:.1f}" for share in GENERALIZATION.get(method, ())))
+        answered, seconds, actions = _answers_and_costs(runs)
+        table.append([*cells, f"{100 * answered:.1f}", f"{seconds:.2f}", f"{actions:.0f}"])
     return markdown_cells(head, table)
+
+
+def _answers_and_costs(runs: Sequence[MethodResults]) -> tuple[float, float, float]:
+    """The share of answers that generalize, and a task's seconds and simulated actions; means."""
+    each = [
+        (run.answered().mean(), run.column("seconds").mean(), run.column("simulated_actions").mean())
+        for run in runs
+    ]
+    answered, seconds, actions = np.mean(each, axis=0)
+    return float(answered), float(seconds), float(actions)
 
 
 def summary_values(rows: Path) -> list[dict[str, Any]]:
     """The same as `summary_table` as JSON values: shares from 0 to 1, and means a task."""
-    return [
-        {
-            "method": run.method,
-            "tasks": len(run.answers()),
-            **{f"{TITLES[m]}@{k}": float(run.matches(m, k).mean()) for m in METRICS for k in TOP},
-            "answer": float(run.answered().mean()),
-            "seconds": float(run.column("seconds").mean()),
-            "simulated_actions": float(run.column("simulated_actions").mean()),
-        }
-        for run in Results.read(rows).each()
-    ]
+    results = Results.read(rows)
+    found = []
+    for method, runs in results.by_method.items():
+        values: dict[str, Any] = {"method": method, "tasks": len(runs[0].tasks), "seeds": len(runs)}
+        for metric in METRICS:
+            for k in TOP:
+                values[f"{TITLES[metric]}@{k}"] = float(results.top(method, metric, k).mean()) / 100
+        values |= zip(("answer", "seconds", "simulated_actions"), _answers_and_costs(runs), strict=True)
+        found.append(values)
+    return found
 
 
 def answer_table(rows: Sequence[Path]) -> str:
-    """Markdown: the one answer of each method that the files have rows of, and what it has cost."""
+    """Markdown: the one answer of each method that the files have rows of, of all seeds, and its cost."""
     head = [
         "method",
         "tasks",
@@ -70,15 +81,15 @@ def answer_table(rows: Sequence[Path]) -> str:
     ]
     table = []
     for path in rows:
-        for run in Results.read(path).each():
-            method, answers = run.method, run.answers()
+        for method, runs in Results.read(path).by_method.items():
+            answers = [answer for run in runs for answer in run.answers()]
             solved = [row["pairs_passed"] == EXAMPLES for row in answers]
             right = [row["generalization_state"] for row in answers]
             seconds = np.percentile([row["seconds"] for row in answers], [50, 95])
             actions = np.percentile([row["simulated_actions"] for row in answers], [50, 95])
             cells = [f"{100 * np.mean(x):.1f} %" for x in (solved, right)]
             cells += [f"{x:.2f}" for x in seconds] + [f"{x:.0f}" for x in actions]
-            table.append([name_of(method), str(len(answers)), *cells])
+            table.append([name_of(method), str(len(runs[0].tasks)), *cells])
     return markdown_cells(head, table)
 
 
