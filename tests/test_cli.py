@@ -177,6 +177,32 @@ class TestOnTheEngine:
         assert error == "evaps: stopped; nothing is lost: the same command goes on where it was\n"
 
 
+INTERRUPTED_IN_IMPORT = """
+import multiprocessing, sys
+
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "evaps.cli.main":
+            raise KeyboardInterrupt
+
+if __name__ in ("__mp_main__", sys.argv[1]):
+    sys.meta_path.insert(0, Interrupting())
+    import evaps.cli
+worker = multiprocessing.get_context("spawn").Process(target=print)
+worker.start()
+worker.join()
+sys.exit(worker.exitcode)
+"""
+
+
+@pytest.mark.parametrize(("interrupted", "said"), [("__main__", "evaps: stopped\n"), ("worker", "")])
+def test_ctrl_c_while_it_is_loaded_is_told_once(tmp_path: Path, interrupted: str, said: str) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(INTERRUPTED_IN_IMPORT)
+    done = subprocess.run([sys.executable, script, interrupted], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, said)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

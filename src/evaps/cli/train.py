@@ -39,8 +39,7 @@ class Train(Command):
     tensorboard: bool = False
     """Write the metrics for TensorBoard too (pip install 'evaps[track]'); metrics.jsonl has them always."""
     tuning: int | None = None
-    """For encoder: batches for which it is trained on with a synthesizer, on tasks and walks, before it is
-    frozen; by default 4,000 at the scale paper, and none at small."""
+    """For encoder: batches that it learns with a synthesizer, too, before it is frozen; else the scale's."""
     json: bool = False
     """Print one JSON object, with how good the checkpoint is on validation tasks."""
 
