@@ -17,9 +17,8 @@ pytestmark = pytest.mark.slow
 
 def evaps(*arguments: object, status: int = 0) -> str:
     command = [EVAPS, *map(str, arguments)]
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=600
-    )  # Ray starts slowly where others use the cores, too
+    # Ray starts slowly where others use the cores, too.
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
     assert done.returncode == status, done.stderr
     return done.stdout + done.stderr
 
