@@ -8,14 +8,16 @@ top-1 in the tables; its program is taken from the rows and run again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import tyro
 
-from evaps.dsl import Program
+from evaps.cli.inputs import check_least
+from evaps.dsl import Program, UserError
+from evaps.evaluate import match
 from evaps.metrics import Results, Row
 from evaps.models import SEARCHES
 from evaps.report import SEARCHED
@@ -30,10 +32,11 @@ from evaps.viewer.gallery import Answer, Exhibit, write_gallery
 from recipes.paper import Plan, make_data
 
 LEAD = (
-    "{} test tasks, drawn by a seed ({}) and not by success, and each method's first answer. They saw five "
-    "examples: a scene, and the view that the robot should end with. An answer is right if it does what the "
-    "hidden program does in all five scenes, and in a sixth one that was kept back. No method has seen that "
-    "program; the sentences that say where an answer goes wrong come from comparing the two runs.",
+    "{} test tasks, drawn by a seed ({}) and not by success. Each method saw five examples: a scene, and the "
+    "view that the robot should end with. Here is the first program that it handed out, as repair left it: "
+    "right if in these five scenes, and in a sixth one that was kept back, it ends as the hidden program, "
+    "which no method has seen. Of a wrong one is told where its run parts from the hidden program's; that "
+    "need not be its only fault.",
     "A tick: right. A number: wrong, and so many of the six views are the ones that were meant.",
 )
 
@@ -56,45 +59,52 @@ class Gallery:
     """The page."""
 
 
-def first_answers(gallery: Gallery) -> dict[str, dict[int, Row]]:
-    """Of each method the row of its first candidate, by the index of the task."""
+def first_answers(gallery: Gallery) -> dict[str, dict[str, Row]]:
+    """Of each method the row of its first candidate, by the name of the task."""
     found = {}
     for method in gallery.methods:
         path = f"{SEARCHED}/{method}.parquet" if method in SEARCHES else f"{method}-0.parquet"
         run = Results.read(gallery.rows / path).first(method)
-        found[method] = {task: run.rows[task][0] for task in run.tasks}
+        found[method] = {f"task-{task}": run.rows[task][0] for task in run.tasks}
     return found
 
 
-def drawn(dataset: Dataset, judged: set[int], gallery: Gallery) -> Iterator[GoldTask]:
+def drawn(dataset: Dataset, judged: set[str], gallery: Gallery) -> Iterator[GoldTask]:
     """Test tasks at random of those that all were judged on, with their answers."""
-    test = [p for p in dataset.split("test") if dataset.rows[p]["index"] in judged]
+    test = [p for p in dataset.split("test") if f"task-{dataset.rows[p]['index']}" in judged]
     chosen = np.random.default_rng(gallery.seed).choice(test, min(gallery.tasks, len(test)), replace=False)
     for position, frames in dataset.frames(sorted(chosen.tolist())):
         yield gold_task(dataset.rows[position], frames)
 
 
-def exhibit(gold: GoldTask, rows: dict[str, Row], robot: MemoRobot) -> Exhibit:
+def exhibit(gold: GoldTask, rows: Mapping[str, Row], robot: MemoRobot) -> Exhibit:
     """Run the hidden program, and each method's answer with what it was before each repair.
 
+    Args:
+        gold: the task with its answer.
+        rows: of each method's first candidate.
+        robot: runs them.
+
     Raises:
-        ValueError: a row says something else of a program than its run.
+        UserError: a row says something else of a program than its run.
     """
     scenes = Task(gold.name, tuple(Example(o.scene, o.goal) for o in gold.outcomes))
     (meant,) = attempt_all([gold.program], scenes, robot)
     answers = []
     for method, row in rows.items():
         attempts = attempt_all([Program.parse(a["program"]) for a in row["attempts"]], scenes, robot)
-        if sum(attempts[-1].passed[:EXAMPLES]) != row["pairs_passed"]:
-            raise ValueError(f"{gold.name}: the rows of {method} are of other scenes than these")
-        candidate = Candidate(tuple(attempts), row["rank"], method)
-        answers.append(Answer(name_of(method), candidate, row["generalization_state"]))
+        right = match(attempts[-1].program, gold, robot).generalization_state
+        passed = sum(attempts[-1].passed[:EXAMPLES])
+        if (passed, right) != (row["pairs_passed"], row["generalization_state"]):
+            raise UserError(f"the rows of {method} are of another {gold.name} than the one of this data set")
+        answers.append(Answer(name_of(method), Candidate(tuple(attempts), row["rank"], method), right))
     return Exhibit(gold.name, tuple(o.goal for o in gold.outcomes), meant, tuple(answers))
 
 
 def main(gallery: Gallery) -> None:
     """Run the answers, and write the page."""
-    if gallery.data == Plan().data:
+    check_least(tasks=(gallery.tasks, 1))
+    if gallery.data == Plan().data:  # the recipe's own is made if it is not there
         make_data(Plan())
     answers = first_answers(gallery)
     judged = set.intersection(*(set(rows) for rows in answers.values()))
@@ -102,8 +112,7 @@ def main(gallery: Gallery) -> None:
     shown = []
     for gold in drawn(Dataset(gallery.data), judged, gallery):
         robot = memo_of(robots)
-        index = int(gold.name.removeprefix("task-"))
-        shown.append(exhibit(gold, {method: rows[index] for method, rows in answers.items()}, robot))
+        shown.append(exhibit(gold, {method: rows[gold.name] for method, rows in answers.items()}, robot))
         robot.leave()
     write_gallery(gallery.out, shown, [text.format(len(shown), gallery.seed) for text in LEAD])
     for each in robots:

@@ -61,7 +61,10 @@ NOISY_TASKS = 400  # of the test tasks: the first ones
 SHIP = ("encoder", "inverse", PROPOSER, "evaps")
 """The checkpoints that come with the package."""
 SHARED = ("encoder", "inverse")
-"""What all seeds have from the first one: it learns from random walks, and is no part of what is compared."""
+"""What all seeds have from the first one: it learns from random walks, and is no part of what is compared.
+
+At the scale ``paper`` the encoder has learned from training tasks, too, with an LGRL of the first seed.
+"""
 
 
 @dataclass(frozen=True)

@@ -104,9 +104,19 @@ def test_an_answer_counts_from_what_it_has_cost() -> None:
     assert all(y == (100 if x >= 1000 else 0) for x, y in zip(line.x, line.y, strict=True))
 
 
+def test_gains_are_over_the_seeds_that_both_have() -> None:
+    alone = rows("naive", [0, None, None, None])
+    better = [*rows("evaps", [0, None, None, None]), *rows("evaps", [0, 0, 0, 0], seed=1)]
+    table = table_2(results_of(alone, better))
+    assert table.rows[1][table.head.index("generalization @1")].startswith("62.5 ± ")
+    assert table.rows[1][table.head.index("gain @1")].startswith("+0.0 [+0.0, +0.0]")
+    assert "over the seeds that both have" in table.notes[1]
+
+
 def test_what_answers_cost_is_shown_of_searches_too_and_nothing_else_is(tmp_path: Path) -> None:
     (tmp_path / SEARCHED).mkdir()
     pq.write_table(table_of(rows("lgrl", [0])), tmp_path / "lgrl-0.parquet")
+    assert report("actions", tmp_path, tmp_path / "before")  # a folder without rows is none
     pq.write_table(table_of(rows("verified", [0])), tmp_path / SEARCHED / "verified.parquet")
     report("all", tmp_path, tmp_path / "out")
     shown = {p.stem for p in (tmp_path / "out").glob("*.csv") if "verified synthesis" in p.read_text()}

@@ -39,7 +39,7 @@ class Train(Command):
     tensorboard: bool = False
     """Write the metrics for TensorBoard too (pip install 'evaps[track]'); metrics.jsonl has them always."""
     tuning: int | None = None
-    """For encoder: batches that it learns with a synthesizer, too, before it is frozen; else the scale's."""
+    """For encoder: further batches in which it learns with a synthesizer (at scale paper: 4,000)."""
     json: bool = False
     """Print one JSON object, with how good the checkpoint is on validation tasks."""
 

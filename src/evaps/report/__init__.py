@@ -60,9 +60,9 @@ def report(name: str, rows: Path, out: Path) -> list[Path]:
     if name not in (*known, "all"):
         raise UserError(f"there is no report {name!r}; known are {', '.join((*known, 'all'))}")
     written = []
-    results = cache(lambda: Results.read(rows))  # once for all reports, and only for those that need them
+    read = cache(Results.read)  # once for all reports, and only for those that need them
     for each in (*REPORTS, *_further(rows)) if name == "all" else (name,):
-        if _shows_something(made := _make(each, rows, results)):
+        if _shows_something(made := _make(each, rows, read)):
             written += _write(each, made, out)
         elif name != "all":
             raise UserError(f"{rows} holds nothing that {name} could show; see docs/evaluation.md")
@@ -80,7 +80,7 @@ def _further(rows: Path) -> list[str]:
     return [name for name, folder in FURTHER.items() if any((rows / folder).glob("*.*"))]
 
 
-def _make(name: str, rows: Path, results: Callable[[], Results]) -> Item | list[Table]:
+def _make(name: str, rows: Path, read: Callable[..., Results]) -> Item | list[Table]:
     if name == LEARNING:
         if LEARNING not in _further(rows):
             raise UserError(f"{rows / 'curves'} holds no METHOD-SEED.jsonl, the metrics.jsonl of trainings")
@@ -91,9 +91,9 @@ def _make(name: str, rows: Path, results: Callable[[], Results]) -> Item | list[
         return curves.sizes(Results.by_column(rows / FURTHER[SIZES], "trained_on"))
     if name == NOISE:
         return curves.noise(Results.by_column(rows / FURTHER[NOISE], "noise"))
-    shown = results()
-    if name in BUDGETS and (searches := rows / SEARCHED).is_dir():
-        shown = Results.read(rows, searches)
+    shown = read(rows)
+    if name in BUDGETS and any((searches := rows / SEARCHED).glob("*.parquet")):
+        shown = read(rows, searches)
     made = REPORTS[name](shown)
     return replace(made, notes=(*made.notes, scale_note(shown))) if isinstance(made, Figure) else made
 

@@ -107,16 +107,17 @@ class Figure:
 
         columns = 2 if len(self.panels) == 4 else min(3, len(self.panels))
         rows = -(-len(self.panels) // columns)
+        names = self.names
+        beside = min(columns + 1, len(names))
+        height = 0.4 + 2.6 * rows + 0.2 * -(-len(names) // beside)  # with the legend's lines
         with matplotlib.rc_context({"svg.hashsalt": "evaps", "font.size": 9}):
-            canvas = Canvas(figsize=(max(6.4, 1.5 + 3.4 * columns), 0.8 + 2.6 * rows), layout="constrained")
+            canvas = Canvas(figsize=(max(6.4, 1.5 + 3.4 * columns), height), layout="constrained")
             axes = canvas.subplots(rows, columns, sharex=True, sharey=self.share_y, squeeze=False).ravel()
             for ax, (title, lines) in zip(axes, self.panels.items(), strict=False):
                 self._panel(ax, title, lines)
             for ax in axes[len(self.panels) :]:
                 ax.set_visible(False)
-            names = self.names
             keys = [Line2D([], [], marker=".", **_style(i)) for i in range(len(names))]  # bands have none
-            beside = min(columns + 1, len(names))
             canvas.legend(keys, names, loc="outside lower center", ncols=beside, frameon=False)
             png, svg = io.BytesIO(), io.BytesIO()
             canvas.savefig(png, format="png", dpi=160)

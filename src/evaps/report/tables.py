@@ -51,7 +51,10 @@ def table_2(results: Results) -> Table:
         rows.append([name, *cells, *gains, str(len(results.by_method[method]))])
     notes = [scale_note(results), *differences(results, "evaps", [m for m in methods if m != "evaps"])]
     if base:
-        notes.insert(1, f"Gains are over {name_of(base)}, in points, with 95 % intervals.")
+        notes.insert(
+            1,
+            f"Gains are over {name_of(base)}, in points, over the seeds that both have, with 95 % intervals.",
+        )
     return Table("What the parts of EVAPS add; the paper's in brackets", head, rows, notes, number=2)
 
 

@@ -31,7 +31,7 @@ MOST_NOISE = 0.2  # share of pixels that are dropped from half of the frames
 
 
 def train_encoder(run: Run) -> Path:
-    """Learn the embedding space from walks; at scales that say so, train it on with what programs need."""
+    """Learn the embedding space from walks and, at scales that say so, go on with what programs need."""
     walks = find_walks(run)
     torch.manual_seed(run.seed)
     height, width = world().size
@@ -44,9 +44,10 @@ def train_encoder(run: Run) -> Path:
     metrics = fit(
         model, loss_at, config, run.out / "encoder", validated, "counts", made_from, run.tensorboard
     )
-    if steps := run.scale.tuning_steps:
-        metrics = tune_encoder(run, model, loss_at, validated, made_from) | {"tuning_steps": steps}
-    return run.save(model.encoder, "encoder", config, metrics, made_from)
+    tuning: dict[str, Any] = {}
+    if run.scale.tuning_steps:
+        tuning = {"tuning": tune_encoder(run, model, loss_at, validated, made_from)}
+    return run.save(model.encoder, "encoder", config, metrics, made_from, **tuning)
 
 
 def held_out(walks: int) -> int:

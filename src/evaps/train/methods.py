@@ -45,7 +45,7 @@ def train(
         seed: of everything random in the training.
         workers: who simulates.
         tensorboard: write metrics for TensorBoard, too.
-        tuning: of the encoder: batches for which it is trained on with a synthesizer; None for the scale's.
+        tuning: of the encoder: further batches in which it learns with a synthesizer; None for the scale's.
 
     Returns:
         the checkpoint's folder.

@@ -109,8 +109,10 @@ class Run:
 
     def made_from(self, model: Any, *checkpoints: str) -> dict[str, Any]:
         """All that a training depends on: its scale, its data, the model's sizes and what it starts from."""
+        scale = asdict(self.scale)
+        del scale["tuning_steps"]  # of the encoder, and its weights are known by their hash
         return {
-            "scale": asdict(self.scale),
+            "scale": scale,
             "dataset": self.dataset.identity,
             "model": asdict(model.config),
             "checkpoints": {name: hash_of(self.out / name) for name in checkpoints},
@@ -127,8 +129,18 @@ class Run:
         config: FitConfig,
         metrics: dict[str, float],
         made_from: dict[str, Any],
+        **more: Any,
     ) -> Path:
-        """Write a checkpoint, with the facts of its making; ``made_from`` are those of `made_from`."""
+        """Write a checkpoint, with the facts of its making.
+
+        Args:
+            model: its weights and configuration.
+            name: of its folder.
+            config: how it was fitted.
+            metrics: how good it is on validation data.
+            made_from: what `made_from` has said.
+            more: further facts.
+        """
         facts = {
             "scale": self.scale_name,
             "seed": self.seed,
@@ -141,6 +153,7 @@ class Run:
             "torch": torch.__version__,
             "cores": os.cpu_count(),
             "precision": precision(),
+            **more,
             "minutes_of_last_run": round((time.monotonic() - self._start) / 60, 1),
         }
         if self._processes.is_main_process:

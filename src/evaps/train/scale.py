@@ -20,7 +20,7 @@ class Scale:
     encoder_batch: int
     """Walks in one of them; each has 9 frames and 36 pairs of them."""
     tuning_steps: int
-    """Batches for which it is trained on with a synthesizer, on tasks and walks; 0: it is frozen at once."""
+    """Further batches in which it learns together with a synthesizer; 0: it is frozen at once."""
     inverse_steps: int
     """Batches for the inverse model."""
     synthesizer_steps: int

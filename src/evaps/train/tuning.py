@@ -1,13 +1,14 @@
 """Stage 0 continued: the encoder learns what programs need, with a synthesizer that is thrown away.
 
-The paper trains its encoder on with each method. Here one encoder serves all methods, so that they can be
-compared and its embeddings kept; so it is trained on once, with LGRL's likelihood, and what it knew of
-transitions is not to be forgotten. Then it is frozen.
+The paper goes on to train its encoder with each method. Here one encoder serves all methods, so that they can
+be compared and its embeddings kept; so it is trained further once, with LGRL's likelihood, and with the walks
+of stage 0, lest what it knows of transitions is forgotten. Then it is frozen.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,10 @@ from evaps.train.lessons import Lessons
 from evaps.train.loop import FitConfig, LossAt, Share, fit
 from evaps.train.run import Run
 
-TASKS = 32  # in a batch; each has ten frames
+BATCH = 32  # tasks; each has ten frames
+MOST_TASKS = 20_000  # training tasks whose frames are kept in memory, 94 KB each
 VALIDATION_TASKS = 256
+TUNING_DRAWS = 4  # tells these draws from those of other trainings with the same seed
 
 
 class TunedEncoder(nn.Module):
@@ -66,7 +69,7 @@ class TunedEncoder(nn.Module):
 
 
 class TaskFrames:
-    """The frames of tasks with their programs, packed in memory (93 KB a task) and unpacked in batches.
+    """The frames of tasks with their programs, packed in memory and unpacked in batches.
 
     Args:
         run: the training.
@@ -98,8 +101,8 @@ def tune_encoder(
     walks_loss: LossAt,
     validate: Callable[[], dict[str, float]],
     made_from: dict[str, Any],
-) -> dict[str, float]:
-    """Train an encoder on, on walks and on tasks at once.
+) -> dict[str, Any]:
+    """Train an encoder further, on walks and on tasks at once.
 
     Args:
         run: the training.
@@ -109,19 +112,19 @@ def tune_encoder(
         made_from: what stage 0's result depends on.
 
     Returns:
-        the metrics, with ``validation_programs``: the log-likelihood of a token of a held-out task's program.
+        the facts for the checkpoint: how it was fitted, tasks a batch, and the metrics, with
+        ``validation_programs``, the log-likelihood of a token of a held-out task's program.
     """
     torch.manual_seed(run.seed)
     synthesizer = new_method(PROPOSER)
     assert isinstance(synthesizer, Synthesizer)
     start_pairs(synthesizer, model.pair.state_dict())
     tuned = TunedEncoder(model, synthesizer).to(device())
-    tasks = TaskFrames(run, run.dataset.split("train"))
+    tasks_loss = _tasks_loss(run, tuned, TaskFrames(run, run.dataset.split("train")[:MOST_TASKS]))
     held = TaskFrames(run, run.dataset.split("validation")[:VALIDATION_TASKS])
-    tasks_loss = _tasks_loss(run, tuned, tasks)
 
     def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
-        walks, metrics = walks_loss(step, share)
+        walks, metrics = walks_loss(run.scale.encoder_steps + step, share)  # not those of stage 0 again
         programs = tasks_loss(step, share)
         return walks + programs, {**metrics, "programs": -programs.item()}
 
@@ -129,16 +132,18 @@ def tune_encoder(
         return {**validate(), "programs": -_held_out_loss(tuned, held)}
 
     config = FitConfig(run.scale.tuning_steps, rate=5e-4, seed=run.seed, validate_every=500)
-    folder = run.out / "encoder" / "tuned"
-    return fit(tuned, loss_at, config, folder, validated, "programs", made_from, run.tensorboard)
+    folder = run.out / "encoder" / "tuning"
+    settings = {**made_from, "batch": BATCH, "tasks": MOST_TASKS}
+    metrics = fit(tuned, loss_at, config, folder, validated, "programs", settings, run.tensorboard)
+    return {"fit": asdict(config), "batch": BATCH, "metrics": {k: round(v, 5) for k, v in metrics.items()}}
 
 
 def _tasks_loss(run: Run, tuned: TunedEncoder, tasks: TaskFrames) -> Callable[[int, Share], Tensor]:
-    rows_at = batch_at(tasks.lessons.lengths, TASKS, run.seed)
+    rows_at = batch_at(tasks.lessons.lengths, BATCH, run.seed)
 
     def batch(step: int, share: Share) -> tuple[Any, Tensor]:
         rows = share.of(rows_at(step))
-        rng = np.random.default_rng([run.seed, 4, step, share.index])
+        rng = np.random.default_rng([run.seed, TUNING_DRAWS, step, share.index])
         pairs = rng.permuted(np.tile(np.arange(EXAMPLES + 1), (len(rows), 1)), axis=1)
         return rows, tasks.frames(rows, pairs[:, :EXAMPLES])  # the pair left out rotates
 
@@ -153,8 +158,8 @@ def _tasks_loss(run: Run, tuned: TunedEncoder, tasks: TaskFrames) -> Callable[[i
 
 def _held_out_loss(tuned: TunedEncoder, held: TaskFrames) -> float:
     losses = []
-    for start in range(0, len(held.packed), TASKS):
-        rows = range(start, min(start + TASKS, len(held.packed)))
+    for start in range(0, len(held.packed), BATCH):
+        rows = range(start, min(start + BATCH, len(held.packed)))
         frames = held.frames(rows, np.tile(np.arange(EXAMPLES), (len(rows), 1)))
         losses.append(tuned.likelihood_loss(frames.to(device()), *held.lessons.batch(rows)).item())
     return float(np.mean(losses))

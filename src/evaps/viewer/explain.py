@@ -1,4 +1,4 @@
-"""Why a program is wrong, in sentences: where its run parts from the run of the program that was meant."""
+"""Where the run of a program parts from that of the program that was meant, in sentences."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from evaps.dsl import Program
-from evaps.viewer.story import Step, first_lines, steps, telling_example
+from evaps.viewer.story import Step, steps, telling_example
 
 if TYPE_CHECKING:  # else a page would load torch
     from evaps.synthesis.solution import Attempt
@@ -20,10 +20,10 @@ CONTROL = re.compile(r"\b(?:if|else|while|for)\b")
 
 @dataclass(frozen=True)
 class Explanation:
-    """What a program does in one scene, and why it is wrong there.
+    """What a program does in one scene, and how that differs from what was meant.
 
     Attributes:
-        scene: which one, from 0: one where it fails if there is one, and there one that says most.
+        scene: which one, from 0: one where the program fails if there is one, and there one that says most.
         sentences: with code between backticks; none if it passes everywhere.
     """
 
@@ -34,6 +34,8 @@ class Explanation:
 def explain(attempt: Attempt, meant: Attempt, scenes: Sequence[str]) -> Explanation:
     """Compare a program's runs with those of the program that was meant.
 
+    The first difference between two runs need not be the fault: there are many ways to one end.
+
     Args:
         attempt: the program on some scenes.
         meant: the program that was meant, on the same ones.
@@ -42,34 +44,40 @@ def explain(attempt: Attempt, meant: Attempt, scenes: Sequence[str]) -> Explanat
     scene = telling_example(attempt)
     if attempt.solved:
         return Explanation(scene, ())
-    own, other = (steps(a.traces[scene]) for a in (attempt, meant))
     found = [
-        *_parting(own, other, scenes[scene]),
+        *_passes(attempt, scenes),
+        *_parting(attempt, meant, scene, scenes[scene]),
         *_never(attempt),
         *_lacking(attempt.program, meant.program),
     ]
-    if not attempt.traces[scene].halted:
-        found.insert(1, "It does not come to an end there.")
     return Explanation(scene, tuple(found))
 
 
-def _parting(own: Sequence[Step], other: Sequence[Step], scene: str) -> Iterator[str]:
-    """Where two runs begin to differ, and what each of them asked at that view."""
+def _passes(attempt: Attempt, scenes: Sequence[str]) -> Iterator[str]:
+    if all(attempt.passed[:-1]):
+        yield f"It passes everywhere but in {scenes[-1]}."
+
+
+def _parting(attempt: Attempt, meant: Attempt, scene: int, name: str) -> Iterator[str]:
+    """Where two runs begin to differ, and what each of them asked last at that view."""
+    own, other = (steps(a.traces[scene]) for a in (attempt, meant))
+    endless = not attempt.traces[scene].halted
     moments = list(zip_longest(own, other))
     parted = [i for i, (mine, theirs) in enumerate(moments) if _action(mine) != _action(theirs)]
     if not parted:
-        yield f"In {scene} it does what was meant, and then goes on without an action."
+        yield f"In {name} it does what was meant, and then goes on without an action, and without an end."
         return
     time = parted[0]
     mine, theirs = moments[time]
     along = f"does what was meant for {time} action{'' if time == 1 else 's'}, then " if time else ""
-    yield f"In {scene} it {along}{_goes_on(mine, time)} where the hidden program {_goes_on(theirs, time)}."
-    for who, step in (("It", mine), ("The hidden program", theirs)):
+    own_way = "goes on without an action" if endless and mine is own[-1] else _goes_on(mine, time)
+    yield f"In {name} it {along}{own_way} where the hidden program {_goes_on(theirs, time)}."
+    for who, step in (("it", mine), ("the hidden program", theirs)):
         if step and step.checks:
-            checks = ", ".join(
-                f"`{check.text}` is {str(check.value).lower()}" for check in step.checks[:MOST]
-            )
-            yield f"{who} asks there: {checks}."
+            checks = ", ".join(f"`{c.text}` is {str(c.value).lower()}" for c in step.checks[-MOST:])
+            yield f"What {who} asks {'last ' if len(step.checks) > MOST else ''}at that view: {checks}."
+    if endless:
+        yield "Its run does not come to an end."
 
 
 def _action(step: Step | None) -> str | None:
@@ -85,10 +93,14 @@ def _goes_on(step: Step | None, time: int) -> str:
 def _never(attempt: Attempt) -> Iterator[str]:
     """Lines that no scene has reached: nobody could tell whether they are right."""
     reached = {segment for trace in attempt.traces for segment in trace.segment_times}
-    lines = sorted(first_lines(attempt.program).items())
-    never = [text for segment, text in lines if segment not in reached]
+    never, known = [], set[int]()
+    for number, (segment, text) in enumerate(attempt.program.python_lines, 1):
+        if segment not in reached | known:
+            never.append(f"line {number}, `{text.strip().removesuffix(':')}`")
+        known.add(segment)  # an `else:` goes on with a segment that began before
     if never:
-        yield f"No scene reaches its {' and '.join(f'`{line}`' for line in never[:MOST])}."
+        more = ", among others" if len(never) > MOST else ""
+        yield f"No scene reaches {' and '.join(never[:MOST])}{more}."
 
 
 def _lacking(program: Program, meant: Program) -> Iterator[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,7 +53,7 @@ class Exhibit:
         return [*(f"example {i}" for i in range(1, len(self.goals))), "the scene kept back"]
 
     def explained(self, answer: Answer) -> Explanation:
-        """Why an answer is wrong."""
+        """Where an answer's run parts from the hidden program's."""
         return explain(answer.candidate.final, self.meant, self.scenes)
 
 
@@ -81,5 +80,5 @@ def write_gallery(path: Path, exhibits: Sequence[Exhibit], lead: Sequence[str]) 
 
 def code_spans(sentence: str) -> Iterator[tuple[bool, str]]:
     """The pieces of a sentence, and whether each is code: what stands between backticks."""
-    for i, piece in enumerate(re.split("`", sentence)):
+    for i, piece in enumerate(sentence.split("`")):
         yield bool(i % 2), piece

@@ -97,7 +97,7 @@ class Step:
 
 def steps(trace: Trace[Observation]) -> list[Step]:
     """A run as a filmstrip: the first view and one more after each action."""
-    lines = first_lines(trace.program)
+    lines = _first_lines(trace.program)
     checks: list[list[Check]] = [[] for _ in trace.observations]
     actions: list[str | None] = [None for _ in trace.observations]
     for event in trace.events:
@@ -109,7 +109,7 @@ def steps(trace: Trace[Observation]) -> list[Step]:
     return [Step(view, tuple(asked), action) for view, asked, action in frames]
 
 
-def first_lines(program: Program) -> dict[int, str]:
+def _first_lines(program: Program) -> dict[int, str]:
     """For each segment its first line in the Python form, without indentation and colon."""
     return {segment: text.strip().removesuffix(":") for segment, text in reversed(program.python_lines)}
 
