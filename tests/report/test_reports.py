@@ -50,8 +50,8 @@ def test_a_difference_is_claimed_only_where_its_interval_says_so() -> None:
     notes = " ".join(
         table_1(results_of(rows("evaps", half), rows("lgrl", other), rows("sed", [None] * 200))).notes
     )
-    assert "EVAPS against LGRL: not certainly different at generalization @1" in notes
-    assert "EVAPS against SED: better at generalization @1, +50.0 points" in notes
+    assert "EVAPS against LGRL (one seed): not certainly different at generalization @1" in notes
+    assert "EVAPS against SED (one seed): better at generalization @1, +50.0 points" in notes
 
 
 def test_a_method_of_another_package_has_its_row() -> None:

@@ -104,8 +104,8 @@ def scale_note(results: Results) -> str:
     plural = "" if seeds == [1] else "s"
     ours = f"{_range(tasks)} test tasks, {_range(seeds)} seed{plural}, scale {', '.join(scales)}"
     trained = f", trained on 70 % of {_range(data)} tasks" if data else ""
-    once = " One seed: intervals are over test tasks, and say nothing about training again."
-    return f"Ours: {ours}{trained}. The paper: {PAPER}.{once if seeds == [1] else ''}"
+    once = " Of one seed intervals are over test tasks, and say nothing about training again."
+    return f"Ours: {ours}{trained}. The paper: {PAPER}.{once if 1 in seeds else ''}"
 
 
 def differences(
@@ -119,7 +119,9 @@ def differences(
             said = [_difference(results, better, other, k) for k in ks]
         except ValueError:
             continue
-        yield f"{name_of(better)} against {name_of(other)}: {'; '.join(said)}."
+        shared = len({r.seed for r in results.by_method[better]} & {r.seed for r in results.by_method[other]})
+        seeds = "one seed" if shared == 1 else f"{shared} seeds"
+        yield f"{name_of(better)} against {name_of(other)} ({seeds}): {'; '.join(said)}."
 
 
 def _difference(results: Results, better: str, other: str, k: int) -> str:
