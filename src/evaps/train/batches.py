@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from evaps.tasks.task import EXAMPLES
 from evaps.train.loop import Share
 
 Batch = TypeVar("Batch")
@@ -39,6 +40,17 @@ def batch_at(lengths: Sequence[int], batch: int, seed: int) -> Callable[[int], R
         return rng.permutation(order.reshape(steps, batch))
 
     return lambda step: epoch(step // steps)[step % steps]
+
+
+def rotating_pairs(tasks: int, rng: np.random.Generator) -> Rows:
+    """Of each task the pairs to learn from, ``[task, pair]``: any five of its six, in random order.
+
+    Args:
+        tasks: how many.
+        rng: of the draw.
+    """
+    every = np.tile(np.arange(EXAMPLES + 1), (tasks, 1))
+    return rng.permuted(every, axis=1)[:, :EXAMPLES]
 
 
 def one_ahead(make: Callable[[int, Share], Batch]) -> Callable[[int, Share], Batch]:

@@ -14,8 +14,7 @@ from evaps.dsl import VOCAB, Program
 from evaps.files import write_atomically
 from evaps.models.base import Synthesizer
 from evaps.tasks.progress import track
-from evaps.tasks.task import EXAMPLES
-from evaps.train.batches import batch_at
+from evaps.train.batches import batch_at, rotating_pairs
 from evaps.train.lessons import Lessons
 from evaps.train.loop import FitConfig, Share, fit
 from evaps.train.run import Run
@@ -79,10 +78,8 @@ def fit_likelihood(
     def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
         rows = share.of(rows_at(step))
         rng = np.random.default_rng([run.seed, 3, step, share.index])
-        pairs = rng.permuted(np.tile(np.arange(EXAMPLES + 1), (len(rows), 1)), axis=1)
-        given = run.given(
-            model, [positions[row] for row in rows], pairs[:, :EXAMPLES]
-        )  # the pair left out rotates
+        pairs = rotating_pairs(len(rows), rng)
+        given = run.given(model, [positions[row] for row in rows], pairs)
         return model.loss(given, *lessons.batch(rows)), {}
 
     return fit(model, loss_at, config, folder, Validation(run, model), "score", made_from, run.tensorboard)

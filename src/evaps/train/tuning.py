@@ -23,7 +23,7 @@ from evaps.models.encoder import TransitionModel
 from evaps.models.pairs import start_pairs
 from evaps.tasks.frames import rgbd, unpack_frames
 from evaps.tasks.task import EXAMPLES
-from evaps.train.batches import batch_at, one_ahead
+from evaps.train.batches import batch_at, one_ahead, rotating_pairs
 from evaps.train.lessons import Lessons
 from evaps.train.loop import FitConfig, LossAt, Share, fit
 from evaps.train.run import Run
@@ -144,8 +144,7 @@ def _tasks_loss(run: Run, tuned: TunedEncoder, tasks: TaskFrames) -> Callable[[i
     def batch(step: int, share: Share) -> tuple[Any, Tensor]:
         rows = share.of(rows_at(step))
         rng = np.random.default_rng([run.seed, TUNING_DRAWS, step, share.index])
-        pairs = rng.permuted(np.tile(np.arange(EXAMPLES + 1), (len(rows), 1)), axis=1)
-        return rows, tasks.frames(rows, pairs[:, :EXAMPLES])  # the pair left out rotates
+        return rows, tasks.frames(rows, rotating_pairs(len(rows), rng))
 
     batches = one_ahead(batch)
 
