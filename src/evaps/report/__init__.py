@@ -91,9 +91,8 @@ def _make(name: str, rows: Path, read: Callable[..., Results]) -> Item | list[Ta
         return curves.sizes(Results.by_column(rows / FURTHER[SIZES], "trained_on"))
     if name == NOISE:
         return curves.noise(Results.by_column(rows / FURTHER[NOISE], "noise"))
-    shown = read(rows)
-    if name in BUDGETS and any((searches := rows / SEARCHED).glob("*.parquet")):
-        shown = read(rows, searches)
+    searches = [rows / SEARCHED] if name in BUDGETS and any((rows / SEARCHED).glob("*.parquet")) else []
+    shown = read(rows, *searches)
     made = REPORTS[name](shown)
     return replace(made, notes=(*made.notes, scale_note(shown))) if isinstance(made, Figure) else made
 
