@@ -9,6 +9,7 @@ top-1 in the tables; its program is taken from the rows and run again.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -108,15 +109,14 @@ def main(gallery: Gallery) -> None:
         make_data(Plan())
     answers = first_answers(gallery)
     judged = set.intersection(*(set(rows) for rows in answers.values()))
-    robots = team_of_robots()
     shown = []
-    for gold in drawn(Dataset(gallery.data), judged, gallery):
-        robot = memo_of(robots)
-        shown.append(exhibit(gold, {method: rows[gold.name] for method, rows in answers.items()}, robot))
-        robot.leave()
+    with ExitStack() as stack:
+        robots = [stack.enter_context(closing(robot)) for robot in team_of_robots()]
+        for gold in drawn(Dataset(gallery.data), judged, gallery):
+            robot = memo_of(robots)
+            shown.append(exhibit(gold, {method: rows[gold.name] for method, rows in answers.items()}, robot))
+            robot.leave()
     write_gallery(gallery.out, shown, [text.format(len(shown), gallery.seed) for text in LEAD])
-    for each in robots:
-        each.close()
     print(gallery.out)
 
 

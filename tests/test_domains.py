@@ -87,7 +87,7 @@ for _ in range(200):  # whatever the grammar allows is a program
     while not state.finished:
         tokens.append(int(rng.choice(np.flatnonzero(state.allowed_within(40 - len(tokens))))))
         state = state.advance(tokens[-1])
-    Program.from_tokens(VOCAB.decode(tokens))
+    Program.from_ids(tokens)
 kinds = {token_type(token) for token in VOCAB.tokens}
 assert kinds == {"pad", "action", "perception", "control", "bracket", "constant"}
 """

@@ -24,6 +24,8 @@ from evaps.tasks.dataset import Dataset, task_parts
 from evaps.tasks.frames import pack_frames, unpack_frames
 from evaps.train import train
 from evaps.train.scale import SCALES
+from recipes.gallery import Gallery
+from recipes.gallery import main as make_gallery
 from recipes.paper import Plan, make
 
 ROOT = Path(__file__).parents[1]
@@ -89,6 +91,20 @@ def test_the_encoder_is_trained_on_with_programs(model: Path) -> None:
     for name in ("convolutions.0.weight", "linear.weight"):
         assert torch.equal(saved[name], after[f"transitions.encoder.{name}"].half())
         assert not torch.equal(saved[name], before[f"encoder.{name}"].half())
+
+
+def test_the_gallery_runs_what_the_rows_say_and_refuses_other_rows(plan: Plan, tmp_path: Path) -> None:
+    rows = plan.results / "methods"
+    gallery = Gallery(1, 0, rows, ("lgrl", "evaps"), plan.data, tmp_path / "gallery.html")
+    make_gallery(gallery)
+    page = gallery.out.read_text()
+    assert all(text in page for text in ("LGRL", "EVAPS", "1 test tasks"))
+    table = pq.read_table(rows / "lgrl-0.parquet")
+    passed = pa.array([5 - n for n in table["pairs_passed"].to_pylist()], pa.int32())
+    column = table.schema.get_field_index("pairs_passed")
+    pq.write_table(table.set_column(column, "pairs_passed", passed), tmp_path / "lgrl-0.parquet")
+    with pytest.raises(UserError, match="the rows of lgrl are of another task-"):
+        make_gallery(replace(gallery, rows=tmp_path, methods=("lgrl",)))
 
 
 def test_another_seed_trains_the_method_and_shares_the_encoder(plan: Plan) -> None:

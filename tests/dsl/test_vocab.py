@@ -118,7 +118,7 @@ def test_walks_through_the_masks_end_in_a_program_in_time(limit, random):
         ids.append(random.choice(np.flatnonzero(mask).tolist()))
         state = state.advance(ids[-1])
     assert len(ids) <= limit
-    assert Program.from_tokens(VOCAB.decode(ids)).tokens == tuple(VOCAB.decode(ids))
+    assert Program.from_ids(ids).tokens == tuple(VOCAB.decode(ids))
 
 
 @given(programs, st.data())

@@ -1,6 +1,6 @@
 """The repair loop on the real engine, with a repairer that follows a script."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -46,9 +46,9 @@ class Script(Repairer):
         self.tried.append(list(tried))
         return [self.programs.pop(0) for _ in executions]
 
-    def repairs(self, executions: Sequence[Execution], table: Tensor, beam: int) -> list[list[Program]]:
+    def repairs(self, executions: Sequence[Execution], table: Tensor, beam: int) -> list[Iterator[Program]]:
         self.seen.append(list(executions))
-        return [[p for p in self.programs if p is not None][:beam] for _ in executions]
+        return [iter([p for p in self.programs if p is not None][:beam]) for _ in executions]
 
     def batch(self, executions: object, targets: object, device: object) -> None:
         return None

@@ -132,7 +132,7 @@ def test_repairs_are_tried_where_nothing_is_found_for_long(
     made, repairs = list[list[list[Program]]](), model.repairer.repairs
 
     def witnessed(executions: Any, table: Any, beam: int) -> list[list[Program]]:
-        made.append(repairs(executions, table, beam))
+        made.append([list(programs) for programs in repairs(executions, table, beam)])
         return made[-1]
 
     monkeypatch.setattr(model.repairer, "repairs", witnessed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -81,6 +81,16 @@ class Program:
             ProgramError: as for `parse`, with columns in the tokens joined by single spaces.
         """
         return cls.parse(" ".join(tokens))
+
+    @classmethod
+    def from_ids(cls, ids: Iterable[int]) -> Program:
+        """The program whose tokens have these numbers in VOCAB.
+
+        Raises:
+            ValueError: an id is not in the vocabulary.
+            ProgramError: as for `from_tokens`.
+        """
+        return cls.from_tokens(VOCAB.decode(ids))
 
     @cached_property
     def _layout(self) -> Layout:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -110,8 +110,11 @@ class Repairer(nn.Module, ABC):
     @abstractmethod
     def repairs(
         self, executions: Sequence[Execution], table: Float[Tensor, "row feature"], beam: int
-    ) -> list[list[Program]]:
-        """For each execution what its program may become, at most ``beam``, most probable first."""
+    ) -> list[Iterator[Program]]:
+        """For each execution what its program may become, at most ``beam``, most probable first.
+
+        A program is parsed when it is asked for: most often the first one that was not tried yet is enough.
+        """
 
     def repair(
         self,

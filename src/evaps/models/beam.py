@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from numpy.typing import NDArray
 from torch import Tensor
 
-from evaps.dsl import VOCAB, GrammarState, Program
+from evaps.dsl import GrammarState, Program
 from evaps.dsl.sampler import MAX_TOKENS
 from evaps.models.base import Synthesizer
 
@@ -167,8 +167,4 @@ def beam_search(
 
     starts = [Prefix((), GrammarState.start(), max_tokens)] * len(features)
     found = search(starts, step, beam, max_tokens)
-    return [[Proposal(_program(h.partial), h.score) for h in group] for group in found]
-
-
-def _program(prefix: Prefix) -> Program:
-    return Program.from_tokens(VOCAB.decode(prefix.tokens))
+    return [[Proposal(Program.from_ids(h.partial.tokens), h.score) for h in group] for group in found]

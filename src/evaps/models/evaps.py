@@ -7,7 +7,7 @@ segment, for each pair; and code symbol alignment (Eq. 4-5), a graph network ove
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar, Literal
@@ -172,20 +172,19 @@ class Evaps(Repairer):
     def _observations(self, batch: Batch, table: Tensor) -> Float[Tensor, "segment pair hidden"]:
         """``O'_s``: what the robot saw before and after each segment (Eq. 1-3), and what the goal lacks."""
         assert self.segment is not None
-        before, after = table[batch.before.clamp(min=0)], table[batch.after.clamp(min=0)]
-        views = [self.pair(before, after)]
+        before, after = batch.before.clamp(min=0), batch.after.clamp(min=0)
+        views = [self.pair.of_rows(table, before, after)]
         if self.config.goal:
-            views.append(self.pair(after, table[batch.goal][batch.owner]))
+            views.append(self.pair.of_rows(table, after, batch.goal[batch.owner]))
         seen = F.relu(self.segment(F.relu(torch.cat(views, -1))))
         return torch.where((batch.before < 0)[..., None], self.never.to(seen.dtype), seen)
 
     def _goals(self, batch: Batch, table: Tensor) -> Float[Tensor, "batch pair hidden"]:
         """What was to be done from the first view, and what is left to do at the end of the run."""
         assert self.ends is not None
-        goal = table[batch.goal]
-        views = [self.pair(table[batch.first], goal)]
+        views = [self.pair.of_rows(table, batch.first, batch.goal)]
         if self.config.observations:
-            views.append(self.pair(table[batch.final], goal))
+            views.append(self.pair.of_rows(table, batch.final, batch.goal))
         return F.relu(self.ends(F.relu(torch.cat(views, -1))))
 
     def batch(
@@ -202,7 +201,7 @@ class Evaps(Repairer):
     @torch.inference_mode()
     def repairs(
         self, executions: Sequence[Execution], table: Float[Tensor, "row feature"], beam: int
-    ) -> list[list[Program]]:
+    ) -> list[Iterator[Program]]:
         """See `Repairer.repairs`."""
         memory = self(Batch.of(executions, table.device), table)[:, None]
         return self.edits.decode(memory, [e.program for e in executions], beam)

@@ -88,7 +88,7 @@ def decode_edits(tokens: Scores, insert: Scores, beam: int) -> Iterator[Program]
         live = _inserted(live, slot_scores, beam)
     for hypothesis in sorted(live, key=lambda h: -h.score):
         if hypothesis.grammar.finished:
-            yield Program.from_tokens(VOCAB.decode(hypothesis.tokens))
+            yield Program.from_ids(hypothesis.tokens)
 
 
 def _options(scores: Scores) -> list[tuple[int, float]]:
@@ -186,12 +186,12 @@ class ParallelEdits(nn.Module):
 
     def decode(
         self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
-    ) -> list[list[Program]]:
+    ) -> list[Iterator[Program]]:
         """For each program what it may become, most probable first; everything parses."""
         replace, insert = (logits.float().log_softmax(-1).cpu().numpy() for logits in self(memory.amax(1)))
         lengths = [len(program.tokens) for program in before]
         rows = zip(replace, insert, lengths, strict=True)
-        return [list(decode_edits(r[:length], i[:length], beam)) for r, i, length in rows]
+        return [decode_edits(r[:length], i[:length], beam) for r, i, length in rows]
 
 
 def _cross_entropy(

@@ -7,7 +7,7 @@ events that the token stands for; an edit decoder runs for each pair, and the pa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -125,7 +125,7 @@ class SED(Repairer):
     @torch.inference_mode()
     def repairs(
         self, executions: Sequence[Execution], table: Float[Tensor, "row feature"], beam: int
-    ) -> list[list[Program]]:
+    ) -> list[Iterator[Program]]:
         """See `Repairer.repairs`."""
         memory = self(SEDBatch.of(executions, table.device), table)
         return self.edits.decode(memory, [e.program for e in executions], beam)

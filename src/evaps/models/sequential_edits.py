@@ -7,9 +7,9 @@ Each choice knows the earlier ones, so that edits which belong together are made
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -70,11 +70,6 @@ class Edited:
     def finished(self) -> bool:
         """Whether the result is a whole program."""
         return self.grammar.finished
-
-    @cached_property
-    def program(self) -> Program:
-        """The result, when it is finished."""
-        return Program.from_tokens(VOCAB.decode(self.tokens))
 
     def allowed(self) -> NDArray[np.bool_]:
         """Which edits lead to a program of at most MAX_TOKENS: bool ``[EDITS]``."""
@@ -215,7 +210,7 @@ class SequentialEdits(nn.Module):
 
     def decode(
         self, memory: Float[Tensor, "batch pair time memory"], before: Sequence[Program], beam: int
-    ) -> list[list[Program]]:
+    ) -> list[Iterator[Program]]:
         """For each program what it may become, most probable first; everything parses."""
         steps = EditSteps(self, memory)
         last = torch.full((len(memory),), EDITS, device=memory.device)
@@ -230,4 +225,4 @@ class SequentialEdits(nn.Module):
             return steps.step(last, written, pointers)
 
         found = search([Edited.start(program) for program in before], step, beam, _LONGEST)
-        return [list(dict.fromkeys(h.partial.program for h in group)) for group in found]
+        return [map(Program.from_ids, dict.fromkeys(h.partial.tokens for h in group)) for group in found]

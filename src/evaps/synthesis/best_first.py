@@ -9,6 +9,7 @@ candidate on its own instead.
 from __future__ import annotations
 
 import heapq
+from collections.abc import Iterable
 from itertools import count
 
 from evaps.dsl import Program
@@ -53,7 +54,7 @@ def synthesize_best_first(
     seen: dict[Program, Candidate] = {}
     queue: list[tuple[int, int, Candidate]] = []
 
-    def push(programs: list[Program], before: tuple[Attempt, ...]) -> None:
+    def push(programs: Iterable[Program], before: tuple[Attempt, ...]) -> None:
         new = [p for p in dict.fromkeys(programs) if p not in seen]
         for attempt in attempt_all(new, task, robot):
             origin = f"{model.synthesizer.name} + {repairer.name}" if before else model.synthesizer.name
