@@ -1,5 +1,6 @@
 """The encoder, trained on with what programs need."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,9 @@ from evaps.models import SHIPPED, load_encoder, load_method
 from evaps.models.encoder import EncoderConfig, TransitionModel
 from evaps.robots.workers import Workers
 from evaps.tasks.dataset import Dataset
-from evaps.train import train
+from evaps.train import train, tuning
 from evaps.train.batches import one_ahead
-from evaps.train.loop import Share
+from evaps.train.loop import FitConfig, Share
 from evaps.train.run import Run
 from evaps.train.tuning import TaskFrames, TunedEncoder
 
@@ -75,6 +76,31 @@ def test_the_encoder_learns_and_the_statistics_of_its_layers_stay(
 def test_batches_made_ahead_are_the_same(steps: list[int]) -> None:
     batch = one_ahead(lambda step, share: (step, share.index))
     assert [batch(step, Share(1, 2)) for step in steps] == [(step, 1) for step in steps]
+
+
+def test_an_interrupted_tuning_ends_where_a_whole_one_does(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tuning, "FitConfig", partial(FitConfig, save_every=0.0))
+
+    def tuned_weights(name: str, stop_at: int | None = None) -> dict[str, torch.Tensor]:
+        run = Run(dataset, tmp_path / name, "smoke", 0, Workers(0))
+        torch.manual_seed(0)
+        model = TransitionModel(EncoderConfig())
+        model.encoder.load_state_dict(load_encoder(MODEL / "encoder").state_dict())
+
+        def walks_loss(step: int, share: Share) -> tuple[torch.Tensor, dict[str, float]]:
+            if step - run.scale.encoder_steps == stop_at:
+                raise KeyboardInterrupt
+            return model.encoder.linear.weight.square().mean(), {}
+
+        tuning.tune_encoder(run, model, walks_loss, dict, {})
+        return model.encoder.state_dict()
+
+    whole = tuned_weights("whole")
+    with pytest.raises(KeyboardInterrupt):
+        tuned_weights("stopped", stop_at=1)
+    torch.testing.assert_close(tuned_weights("stopped", stop_at=0), whole, rtol=0, atol=0)
 
 
 def test_only_the_encoder_is_tuned(dataset: Dataset, tmp_path: Path) -> None:
