@@ -173,6 +173,18 @@ except SystemExit as stop:
 @pytest.mark.parametrize("code", ["import evaps", HELP], ids=["import evaps", "evaps --help"])
 def test_a_light_start_loads_neither_torch_nor_vizdoom(code: str) -> None:
     script = f"import sys\n{code}\nprint('heavy:', sorted({{'torch', 'vizdoom'}} & set(sys.modules)))"
+    assert last_line(script) == "heavy: []"
+
+
+def test_who_makes_data_does_not_load_torch() -> None:
+    """Each worker would pay for it, in seconds and in memory."""
+    rooms = "build", "info", "render", "walks"
+    imports = "; ".join(f"import evaps.tasks.{room}" for room in rooms)
+    assert last_line(f"import sys; {imports}; print('torch' in sys.modules)") == "False"
+
+
+def last_line(script: str) -> str:
+    """What a script of Python prints last."""
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
     assert run.returncode == 0, run.stderr
-    assert run.stdout.splitlines()[-1] == "heavy: []"
+    return run.stdout.splitlines()[-1]

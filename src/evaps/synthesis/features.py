@@ -31,7 +31,7 @@ def stack_frames(observations: Sequence[Observation]) -> UInt8[Tensor, "batch he
     observations = [getattr(o, "frame", o) for o in observations]  # what is remembered, as it is held
     doom = [o for o in observations if isinstance(o, PaletteFrame)]
     if len(doom) == len(observations):
-        return rgbd(doom)
+        return torch.from_numpy(rgbd(doom))
     first = observations[0].depth
     out = np.empty((len(observations), *first.shape, 4), np.uint8)
     for row, observation in zip(out, observations, strict=True):

@@ -1,4 +1,4 @@
-"""A robot's frames as they are stored in data sets, and as tensors."""
+"""A robot's frames as data sets store them and as networks see them. No torch, so that workers start soon."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
-import torch
+import numpy.typing as npt
 import zstandard
-from torch import Tensor
 
 from evaps.robots.frames import Observation, PaletteFrame, decompress, words_of
 from evaps.robots.world import world
@@ -45,12 +44,12 @@ def unpack_frames(packed: bytes) -> list[PaletteFrame]:
     return [PaletteFrame(indices, depth, palette) for indices, depth in zip(*planes, strict=True)]
 
 
-def rgbd(frames: Sequence[PaletteFrame]) -> Tensor:
-    """Colours and depth of frames as one tensor of bytes ``[frame, height, width, 4]``."""
+def rgbd(frames: Sequence[PaletteFrame]) -> npt.NDArray[np.uint8]:
+    """Colours and depth of frames as one array of bytes ``[frame, height, width, 4]``."""
     out = np.empty((len(frames), *world().size), np.uint32)
     for target, frame in zip(out, frames, strict=True):  # one look-up a pixel instead of one a channel
         np.take(words_of(frame.palette), frame.indices, out=target, mode="clip")
     planes = out.view(np.uint8).reshape(*out.shape, 4)
     for plane, frame in zip(planes, frames, strict=True):
         plane[..., 3] = frame.depth
-    return torch.from_numpy(planes)
+    return planes

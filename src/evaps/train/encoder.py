@@ -126,7 +126,7 @@ class WalkBatches:
 
     def frames(self, rows: npt.NDArray[np.int64]) -> Tensor:
         """Their frames, bytes ``[frame, height, width, 4]``."""
-        return rgbd([frame for row in rows for frame in unpack_frames(self.walks.frames[row])])
+        return torch.from_numpy(rgbd([f for row in rows for f in unpack_frames(self.walks.frames[row])]))
 
 
 def drop_pixels(frames: Tensor, rng: np.random.Generator) -> Tensor:

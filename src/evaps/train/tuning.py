@@ -92,7 +92,7 @@ class TaskFrames:
         for row, wanted in zip(rows, pairs, strict=True):
             every = unpack_frames(self.packed[row])  # first observations, then last ones
             chosen += [every[time * (EXAMPLES + 1) + pair] for pair in wanted for time in (0, 1)]
-        return rgbd(chosen)
+        return torch.from_numpy(rgbd(chosen))
 
 
 def tune_encoder(
