@@ -1,6 +1,7 @@
 """From nothing to an answer: data, all trainings, evaluation and synthesis at the smoke scale."""
 
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -15,7 +16,7 @@ from safetensors.torch import load_file
 from evaps.dsl import Program, UserError
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import EvaluationPart, _facts, evaluate, evaluate_part
-from evaps.models import new_method
+from evaps.models import load_model, new_method
 from evaps.models.checkpoint import CheckpointError, hash_of, read_config, save_checkpoint
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
@@ -128,6 +129,25 @@ def test_a_checkpoint_says_how_it_was_made(model: Path) -> None:
     assert (facts["scale"], facts["seed"], facts["dataset"]["seed"]) == ("smoke", 0, 0)
     assert facts["precision"] in ("bfloat16", "float32")
     assert facts["made_from"] == {name: hash_of(model / name) for name in ("encoder", "inverse", "lgrl")}
+
+
+def test_two_processes_train_a_repairer(data: Path, model: Path, tmp_path: Path) -> None:
+    """One finds the mistakes, the same ones; both learn from them, and one writes the checkpoint."""
+    shutil.copytree(data, tmp_path / "data", ignore=shutil.ignore_patterns("mistakes-*", "features-*"))
+    for name in ("encoder", "inverse", "lgrl"):
+        (tmp_path / name).symlink_to(model / name)
+    launch = [sys.executable, "-m", "accelerate.commands.launch", "--cpu", "--num_processes", "2"]
+    command = ["--main_process_port", "0", "-m", "evaps", "train", "naive", "--data", "data", "--out", "."]
+    options = ["--scale", "smoke", "--workers", "0"]
+    subprocess.run([*launch, *command, *options], cwd=tmp_path, check=True, timeout=300)
+    made, alone = (sorted(folder.glob("mistakes-*/*")) for folder in (tmp_path / "data", data))
+    assert [file.name for file in made] == [file.name for file in alone]
+    assert all(a.read_bytes() == b.read_bytes() for a, b in zip(made, alone, strict=True))
+    steps = [
+        json.loads(row)["step"] for row in (tmp_path / "naive" / "metrics.jsonl").read_text().splitlines()
+    ]
+    assert steps == sorted(set(steps))
+    assert load_model(tmp_path, "naive").repairer is not None
 
 
 def test_a_training_that_is_done_is_not_done_again(data: Path, model: Path) -> None:

@@ -57,6 +57,9 @@ def test_what_was_trained_with_another_encoder_is_refused(tmp_path: Path) -> Non
         facts = {"made_from": {"encoder": hash_of(tmp_path / "encoder")}}
         save_checkpoint(tmp_path / name, new_method(name), name, facts)
     assert load_model(tmp_path, "evaps").repairer is not None
+    save_checkpoint(tmp_path / "evaps", new_method("evaps"), "evaps", {})  # who does not say is not believed
+    with pytest.raises(CheckpointError, match="evaps was trained with another encoder than"):
+        load_model(tmp_path, "evaps")
     save_checkpoint(tmp_path / "encoder", Encoder(EncoderConfig()), "encoder", {})
     with pytest.raises(CheckpointError, match="lgrl was trained with another encoder than"):
         load_model(tmp_path, "evaps")

@@ -4,7 +4,7 @@ import pytest
 
 from evaps.dsl import UserError
 from evaps.models import METHODS, is_repairer, load_method, load_model, needed_for, new_method
-from evaps.models.checkpoint import CheckpointError, save_checkpoint
+from evaps.models.checkpoint import CheckpointError, hash_of, save_checkpoint
 from evaps.models.encoder import Encoder, EncoderConfig
 from evaps.models.evaps import Evaps
 
@@ -43,9 +43,10 @@ def test_a_method_that_is_not_there_is_told() -> None:
 
 
 def test_a_repairer_mends_what_any_synthesizer_proposes(tmp_path) -> None:
-    for name in ("encoder", "lgrl", "transformer", "naive"):
-        made = Encoder(EncoderConfig()) if name == "encoder" else new_method(name)
-        save_checkpoint(tmp_path / name, made, name, {})
+    save_checkpoint(tmp_path / "encoder", Encoder(EncoderConfig()), "encoder", {})
+    facts = {"made_from": {"encoder": hash_of(tmp_path / "encoder")}}
+    for name in ("lgrl", "transformer", "naive"):
+        save_checkpoint(tmp_path / name, new_method(name), name, facts)
     assert needed_for("transformer+naive") == ("encoder", "transformer", "naive")
     for method, proposer in (("naive", "lgrl"), ("transformer+naive", "transformer")):
         model = load_model(tmp_path, method)

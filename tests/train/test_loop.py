@@ -117,6 +117,30 @@ def test_the_best_weights_are_kept(tmp_path: Path) -> None:
     assert all(torch.equal(a, b) for a, b in zip(model.parameters(), seen[1], strict=True))
 
 
+@pytest.mark.parametrize(("later", "best"), [([0.3, 0.4], -1), ([0.3, 0.6], 19)])
+def test_weights_to_start_from_stay_if_nothing_is_better(
+    tmp_path: Path, later: list[float], best: int
+) -> None:
+    model, scores, seen = new_model(), iter([0.5, *later]), []
+
+    def validate() -> dict[str, float]:
+        seen.append([p.clone() for p in model.parameters()])
+        return {"score": next(scores)}
+
+    def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
+        return model(torch.ones(2, 4)).square().mean(), {}
+
+    config = replace(CONFIG, validate_every=10)
+    for _ in range(2):  # once more validates nothing
+        metrics = fit(model, loss_at, config, tmp_path, validate, "score", keep_start=True)
+        assert metrics == {"best_step": best, "validation_score": max(0.5, *later)}
+        kept = seen[0 if best == -1 else 2]
+        assert all(torch.equal(a, b) for a, b in zip(model.parameters(), kept, strict=True))
+    logged = [json.loads(row) for row in (tmp_path / "metrics.jsonl").read_text().splitlines()]
+    assert logged[0] == {"step": -1, "validation_score": 0.5}
+    assert [row["step"] for row in logged].count(-1) == 1
+
+
 def test_it_stops_when_nothing_gets_better(tmp_path: Path) -> None:
     config = replace(CONFIG, steps=100, validate_every=2, patience=3)
     scores = iter([0.1, 0.5, 0.4, 0.5, 0.3, 9.0])

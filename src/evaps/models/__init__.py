@@ -242,8 +242,8 @@ def load_inverse(folder: Path) -> InverseModel:
     return _loaded(folder, "inverse", lambda **config: InverseModel(InverseConfig(**config)))
 
 
-def _check_encoder(folder: Path, needed: Iterable[str]) -> None:
-    """Whether all that was trained on features of an encoder was trained on those of this one.
+def check_encoder(folder: Path, needed: Iterable[str]) -> None:
+    """Whether all that is needed was trained on features of the encoder that lies beside it.
 
     Raises:
         CheckpointError: one was not, or is not there.
@@ -251,7 +251,7 @@ def _check_encoder(folder: Path, needed: Iterable[str]) -> None:
     there = hash_of(folder / "encoder")
     for name in needed:
         made_from = read_config(folder / name, name)["facts"].get("made_from", {})
-        if made_from.get("encoder", there) != there:
+        if name != "encoder" and made_from.get("encoder") != there:
             raise CheckpointError(
                 f"{folder / name} was trained with another encoder than {folder / 'encoder'}; train it again"
             )
@@ -271,7 +271,7 @@ def load_model(name: str | Path = CHOSEN.model, method: str = VERIFIED) -> Model
         CheckpointError: there is no such set, or it does not fit this version.
     """
     folder = model_folder(name)
-    _check_encoder(folder, needed_for(method))
+    check_encoder(folder, needed_for(method))
     return _model_in(folder, method)
 
 

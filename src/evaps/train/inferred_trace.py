@@ -78,5 +78,6 @@ def _ways(run: Run, model: InferredTrace, positions: Sequence[int], policy: Path
     who = "" if policy is None else policy.read_bytes().hex()
     key = short_hash([hash_of(encoder), list(positions), who])
     folder = run.dataset.folder / f"ways-{'gold' if policy is None else 'policy'}-{key}"
-    ways = record_ways(folder, run.dataset, encoder, positions, run.workers, model.config, policy)
+    with run.main_process_first():
+        ways = record_ways(folder, run.dataset, encoder, positions, run.workers, model.config, policy)
     return replace(ways, table=ways.table.to(device()))

@@ -95,6 +95,7 @@ def fit(
     select: str,
     made_from: dict[str, Any] | None = None,
     tensorboard: bool = False,
+    keep_start: bool = False,
 ) -> dict[str, float]:
     """Minimise ``loss_at(step, share)``; stopped at any moment, the same call goes on with the same result.
 
@@ -110,6 +111,7 @@ def fit(
         select: which of these metrics should be high; the model ends with the weights of its best time.
         made_from: all else that the result depends on, as JSON values; other settings do not go on with it.
         tensorboard: write the metrics for TensorBoard too.
+        keep_start: validate the weights that it starts from, too, as step -1: they stay if nothing is better.
 
     Returns:
         the metrics of that time.
@@ -122,7 +124,12 @@ def fit(
     settings = json.dumps({**asdict(config), **(made_from or {})}, sort_keys=True)
     optimizer = torch.optim.Adam(model.parameters(), lr=config.rate)
     progress = _resume(folder, model, optimizer, settings)
-    _unlog(folder, progress.step, accelerator)
+    at_start = keep_start and not progress.best
+    _unlog(folder, -1 if at_start else progress.step, accelerator)
+    if at_start:
+        found = _validated(model, validate, accelerator)
+        _keep(progress, -1, found, model, folder, accelerator)
+        _log(folder, {"step": -1, **found}, accelerator)
     saved = time.monotonic()
     for step in track(_steps(progress, config), config.steps, folder.name, progress.step):
         metrics = _step(model, optimizer, loss_at, config, step, accelerator)
@@ -132,8 +139,7 @@ def fit(
             metrics |= (found := _validated(model, validate, accelerator))
             progress.stale += 1
             if found[f"validation_{select}"] > progress.best.get(f"validation_{select}", -math.inf):
-                progress.best, progress.stale = {"best_step": step, **found}, 0
-                _write(model.state_dict(), folder / "best.pt", accelerator)
+                _keep(progress, step, found, model, folder, accelerator)
         if step % config.log_every == 0 or validated:
             _log(folder, {"step": step, **metrics}, accelerator)
         if time.monotonic() - saved > config.save_every or validated:
@@ -202,6 +208,19 @@ def _validated(
     model.eval()
     with torch.inference_mode(), accelerator.autocast():
         return {f"validation_{key}": value for key, value in validate().items()}
+
+
+def _keep(
+    progress: Progress,
+    step: int,
+    found: dict[str, float],
+    model: nn.Module,
+    folder: Path,
+    accelerator: Accelerator,
+) -> None:
+    """These are the best weights so far."""
+    progress.best, progress.stale = {"best_step": step, **found}, 0
+    _write(model.state_dict(), folder / "best.pt", accelerator)
 
 
 def _log(folder: Path, row: dict[str, Any], accelerator: Accelerator) -> None:

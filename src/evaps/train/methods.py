@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 from evaps.dsl import UserError
-from evaps.models import METHODS, PROPOSER, SEARCHES, is_repairer, new_method
+from evaps.models import METHODS, PROPOSER, SEARCHES, check_encoder, is_repairer, new_method
 from evaps.models.base import Synthesizer
 from evaps.models.checkpoint import CheckpointError, load_weights
 from evaps.models.compute import device
@@ -52,7 +52,7 @@ def train(
 
     Raises:
         UserError: an unknown method or scale, no data set, or other settings than those it was begun with.
-        CheckpointError: what comes before it is missing.
+        CheckpointError: what comes before it is missing, or was trained with another encoder.
     """
     if scale not in SCALES:
         raise UserError(f"there is no scale {scale!r}; known are {', '.join(SCALES)}")
@@ -69,9 +69,10 @@ def train(
         run.scale = replace(run.scale, tuning_steps=tuning)
     if method == "encoder":
         return train_encoder(run)
-    for needed in ("encoder", "inverse", start):
-        if needed not in (None, method):
-            _check_there(out, str(needed), method, data)
+    before = [needed for needed in ("encoder", "inverse", start) if needed not in (None, method)]
+    for needed in before:
+        _check_there(out, needed, method, data)
+    check_encoder(out, before)
     if method == "inverse":
         return train_inverse(run)
     torch.manual_seed(seed)

@@ -11,19 +11,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 
-def expected_reward(
-    log_probabilities: Float[Tensor, "*batch candidate"], rewards: Float[Tensor, "*batch candidate"]
-) -> Float[Tensor, "*batch"]:
-    """The expected reward of one draw from the renormalised beam (their equation 8)."""
-    return (log_probabilities.softmax(-1) * rewards).sum(-1)
-
-
 def expected_best(
     log_probabilities: Float[Tensor, "*batch candidate"],
     rewards: Float[Tensor, "*batch candidate"],
     draws: int,
 ) -> Float[Tensor, "*batch"]:
     """The expected largest reward of a bag of so many draws: it asks for diversity (their equation 10).
+
+    With one draw it is the expected reward (their equation 8).
 
     P(max <= r) is P(one draw <= r) to the power of ``draws``; candidates of equal reward share what their
     reward adds to that.

@@ -71,9 +71,11 @@ def find_mistakes(run: Run, split: str) -> Mistakes:
         return [_wrong(run, task, beam) for task, beam in zip(part, beams, strict=True)]
 
     encoder = run.out / "encoder"
-    paths = generate_mistakes(
-        folder, run.dataset, encoder, positions, failures, scale.mutations, run.seed, run.workers
-    )
+    run.load_features()
+    with run.main_process_first():
+        paths = generate_mistakes(
+            folder, run.dataset, encoder, positions, failures, scale.mutations, run.seed, run.workers
+        )
     return Mistakes.read(paths)
 
 

@@ -32,7 +32,8 @@ def train_on_rewards(run: Run, model: Synthesizer, start: str) -> Path:
         scale.rl_steps, rate=1e-4, seed=run.seed, warmup=10, validate_every=50, patience=scale.patience
     )
     train = run.dataset.split("train")
-    rows_at = batch_at([len(run.programs[p]) for p in train], scale.rl_batch, run.seed + 7)
+    alike = [0] * len(train)  # short and long programs together: of long ones alone none may earn anything
+    rows_at = batch_at(alike, scale.rl_batch, run.seed + 7)
 
     def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
         return reward_loss(run, model, [train[i] for i in share.of(rows_at(step))])
@@ -40,7 +41,9 @@ def train_on_rewards(run: Run, model: Synthesizer, start: str) -> Path:
     made_from = run.made_from(model, "encoder", start)
     validation = Validation(run, model)
     folder = run.out / model.name
-    metrics = fit(model, loss_at, config, folder, validation, "solved", made_from, run.tensorboard)
+    metrics = fit(
+        model, loss_at, config, folder, validation, "solved", made_from, run.tensorboard, keep_start=True
+    )
     return run.save(model, model.name, config, metrics, made_from)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import asdict
 from functools import cached_property
 from importlib.metadata import version
@@ -57,6 +58,10 @@ class Run:
         self._start, self._commit = time.monotonic(), code_version()
         self._processes = PartialState()  # which device is whose, before anything is put on one
 
+    def main_process_first(self) -> AbstractContextManager[None]:
+        """Where several processes train together, the first one makes files and the others find them."""
+        return self._processes.main_process_first()
+
     @cached_property
     def programs(self) -> list[list[int]]:
         """The token ids of every task's program."""
@@ -67,6 +72,10 @@ class Run:
         """Of every example's first and last observation, ``[task, pair, 2, feature]``."""
         folder = self.out / "encoder"
         return dataset_features(self.dataset, load_encoder(folder).to(device()), hash_of(folder))
+
+    def load_features(self) -> None:
+        """Have them now: several processes meet there, so not while one of them goes ahead."""
+        self.features  # noqa: B018
 
     @cached_property
     def position_of(self) -> dict[int, int]:

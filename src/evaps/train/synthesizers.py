@@ -41,7 +41,8 @@ def train_synthesizer(run: Run, model: Synthesizer) -> Path:
     if model.retrains:
         first = {key: value.clone() for key, value in model.state_dict().items()}
         folder = run.out / model.name / "retrained"
-        own = _own_targets(run, model, train[: scale.retrained_tasks], folder)
+        with run.main_process_first():
+            own = _own_targets(run, model, train[: scale.retrained_tasks], folder)
         again = FitConfig(config.steps // 4, 3e-4, run.seed + 1, validate_every=500, patience=config.patience)
         targets = [own.get(p, run.programs[p]) for p in train]
         second = fit_likelihood(run, model, train, targets, again, folder, {**made_from, "first": metrics})
