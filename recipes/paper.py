@@ -184,8 +184,9 @@ def make_checkpoint(plan: Plan, seed: int, method: str) -> None:
         take(shipped, folder)
     if not (folder / "config.json").exists():
         train(method, plan.data, plan.runs(seed), plan.scale, seed, Workers(plan.workers))
-    if (metrics := folder / "metrics.jsonl").exists() and method in METHODS:
-        target = plan.results / "methods" / "curves" / f"{method}-{seed}.jsonl"
+    for metrics in folder.rglob("metrics.jsonl") if method in METHODS else ():
+        part = "-".join([method, *metrics.relative_to(folder).parts[:-1]])  # latent-execution-retrained
+        target = plan.results / "methods" / "curves" / f"{part}-{seed}.jsonl"
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(metrics, target)
 

@@ -61,7 +61,9 @@ def model(plan: Plan) -> Path:
 def test_the_recipe_makes_rows_curves_tables_and_figures(plan: Plan) -> None:
     rows = plan.results / "methods"
     assert {path.stem for path in rows.glob("*.parquet")} == {f"{method}-0" for method in TRAINED}
-    assert {path.stem for path in (rows / "curves").glob("*.jsonl")} == {f"{m}-0" for m in TRAINED}
+    parts = ("latent-execution-retrained", "inferred-trace-policy")
+    curves = {path.stem for path in (rows / "curves").glob("*.jsonl")}
+    assert curves == {f"{name}-0" for name in (*TRAINED, *parts)}
     made = {path.name for path in (plan.results / "report").iterdir()}
     assert {
         "table-1.md",

@@ -168,6 +168,7 @@ def can_say(edits: EditMode, before: Program, after: Program) -> bool:
         ("sequential", {"observations": False}),
         ("sequential", {"graph": False}),
         ("sequential", {"observations": False, "graph": False}),
+        ("sequential", {"goal": False}),
     ],
 )
 def test_it_can_learn_32_repairs_by_heart(edits: EditMode, flags: dict[str, bool]) -> None:

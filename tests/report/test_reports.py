@@ -23,7 +23,7 @@ from evaps.report.summary import (
     summary_values,
 )
 from evaps.report.table import Table
-from evaps.report.tables import table_1, table_2
+from evaps.report.tables import scale_note, table_1, table_2
 
 
 def test_table_1_has_means_deviations_and_the_papers_figures() -> None:
@@ -57,6 +57,17 @@ def test_a_difference_is_claimed_only_where_its_interval_says_so() -> None:
 def test_a_method_of_another_package_has_its_row() -> None:
     table = table_1(results_of(rows("lgrl", [0]), rows("mean", [None]), rows("verified", [0])))
     assert [row[0] for row in table.rows] == ["LGRL", "mean"]
+
+
+@pytest.mark.parametrize(
+    ("seeds", "said"), [(1, "nothing about training again"), (2, "few to draw from"), (5, "")]
+)
+def test_a_note_says_what_so_many_seeds_are_good_for(seeds: int, said: str) -> None:
+    note = scale_note(results_of(*(rows("lgrl", [0, None], seed) for seed in range(seeds))))
+    assert said in note
+    assert ("nothing about training" in note, "few to draw from" in note) == (seeds == 1, seeds == 2)
+    assert "repairers" not in note
+    assert "repairers" in scale_note(results_of(repaired("naive", [[False, True]])))
 
 
 def test_table_2_shows_gains_over_naive() -> None:

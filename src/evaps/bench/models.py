@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -28,6 +29,7 @@ from evaps.tasks.generate import Draft
 from evaps.tasks.task import EXAMPLES
 
 ROWS = 2000  # of the table of embeddings
+BATCHES = 64  # before one comes again, whose programs' graphs and edits are known by then
 
 
 def feature_figures(model: Model, drafts: Sequence[Draft]) -> Iterator[Figure]:
@@ -58,18 +60,19 @@ def synthesis_figures(robot: DoomRobot, model: Model, drafts: Sequence[Draft], n
 def training_figures(seconds: float, size: int) -> Iterator[Figure]:
     """Programs that each method learns from in a second, and the share of it spent on making batches."""
     rng = np.random.default_rng(SEED)
-    programs = [sample_program(rng) for _ in range(size)]
+    programs = [sample_program(rng) for _ in range(BATCHES * size)]
     for name, kind in METHODS.items():
         if kind.start:
             continue  # from rewards: its seconds are the beam's and the engine's
         method = new_method(name).to(device()).train()
         batch, loss = _training(method, programs, rng)
         optimizer = torch.optim.Adam(method.parameters())
-        _step(loss, batch(), optimizer)  # wakes everything
+        rows = (range(i * size, (i + 1) * size) for i in itertools.cycle(range(BATCHES)))
+        _step(loss, batch(next(rows)), optimizer)  # wakes everything
         steps, batches, start = 0, 0.0, time.perf_counter()
         while (spent := time.perf_counter() - start) < seconds:
             begun = time.perf_counter()
-            made = batch()
+            made = batch(next(rows))
             batches += time.perf_counter() - begun
             _step(loss, made, optimizer)
             steps += 1
@@ -87,8 +90,8 @@ def _step(loss: Callable[[Any], torch.Tensor], batch: Any, optimizer: torch.opti
 
 def _training(
     method: Synthesizer | Repairer, programs: Sequence[Program], rng: np.random.Generator
-) -> tuple[Callable[[], Any], Callable[[Any], torch.Tensor]]:
-    """What makes a batch, and what becomes of it: a training's code, on random embeddings."""
+) -> tuple[Callable[[range], Any], Callable[[Any], torch.Tensor]]:
+    """What makes a batch of some rows, and what becomes of it: a training's code, on random embeddings."""
     from evaps.train.lessons import Lessons
     from evaps.train.repairers import mistake_batch
 
@@ -99,17 +102,18 @@ def _training(
             [0] * len(wrong), wrong, list(programs), [1] * len(wrong), np.zeros((0, 256), np.float16)
         )
         return (
-            lambda: mistake_batch(method, mistakes, range(len(wrong)), table),
+            lambda rows: mistake_batch(method, mistakes, rows, table),
             lambda batch: method.batch_loss(*batch),
         )
     lessons = Lessons.of([VOCAB.encode(program.tokens) for program in programs])
     ways = WayTable.of([[_way(rng) for _ in range(EXAMPLES)] for _ in programs], table)
     pairs = torch.from_numpy(rng.integers(0, ROWS, (len(programs), EXAMPLES, 2)))
-    rows = range(len(programs))
-    return (
-        lambda: (ways.batch(rows, device()) if method.acts else table[pairs], *lessons.batch(rows)),
-        lambda batch: method.loss(*batch),
-    )
+
+    def made(rows: range) -> Any:
+        given = ways.batch(rows, device()) if method.acts else table[pairs[rows.start : rows.stop]]
+        return given, *lessons.batch(rows)
+
+    return made, lambda batch: method.loss(*batch)
 
 
 def _way(rng: np.random.Generator) -> Way:

@@ -25,7 +25,7 @@ class Train(Command):
     method: Positional[Annotated[str, arg(metavar="encoder|METHOD")]]
     """What to train: encoder; then inverse, whose embedding of pairs all methods start from; then lgrl,
     transformer, inferred-trace or latent-execution; then lgrl-rl, sed, evaps, an ablation of it (naive,
-    evaps-o, evaps-s), or another way to edit (evaps-parallel, evaps-substitution)."""
+    evaps-o, evaps-s), or another reading of the paper (evaps-parallel, evaps-substitution, evaps-no-goal)."""
     data: Folder
     """Folder of the data set, from `evaps generate`."""
     out: Folder

@@ -48,6 +48,7 @@ METHODS = {
     "sed": Method("evaps.models.sed:SED"),
     "evaps-parallel": Method("evaps.models.evaps:Evaps", {"edits": "parallel"}),
     "evaps-substitution": Method("evaps.models.evaps:Evaps", {"edits": "substitution"}),
+    "evaps-no-goal": Method("evaps.models.evaps:Evaps", {"goal": False}),
     "naive": Method("evaps.models.evaps:Evaps", {"observations": False, "graph": False}),
     "evaps-o": Method("evaps.models.evaps:Evaps", {"graph": False}),
     "evaps-s": Method("evaps.models.evaps:Evaps", {"observations": False}),
@@ -55,7 +56,8 @@ METHODS = {
 }
 """Every method by its name; `naive`, `evaps-o` and `evaps-s` are the paper's ablations of EVAPS.
 
-``evaps-parallel`` and ``evaps-substitution`` are the other readings of how EVAPS edits."""
+``evaps-parallel`` and ``evaps-substitution`` are other readings of how EVAPS edits, ``evaps-no-goal`` of what
+it is told: what was seen, and not what should have been."""
 
 PROPOSER = "lgrl"
 """The synthesizer whose candidates repairers learn from and mend."""

@@ -13,6 +13,7 @@ NAMES = {
     "evaps": "EVAPS",
     "evaps-parallel": "EVAPS, edits at once",
     "evaps-substitution": "EVAPS, substitutions",
+    "evaps-no-goal": "EVAPS, goals unseen",
     "verified": "verified synthesis",
     "verified-no-guide": "without the inverse model",
     "verified-no-sharing": "without sharing among scenes",

@@ -103,9 +103,18 @@ def scale_note(results: Results) -> str:
     data = sorted({run.rows[run.tasks[0]][0].get("trained_on") or 0 for run in runs} - {0})
     plural = "" if seeds == [1] else "s"
     ours = f"{_range(tasks)} test tasks, {_range(seeds)} seed{plural}, scale {', '.join(scales)}"
-    trained = f", trained on 70 % of {_range(data)} tasks" if data else ""
-    once = " Of one seed intervals are over test tasks, and say nothing about training again."
-    return f"Ours: {ours}{trained}. The paper: {PAPER}.{once if 1 in seeds else ''}"
+    repaired = any(row.get("rounds") for run in runs for row in run.each())
+    part = " (repairers on mistakes in a part of these)" if repaired else ""
+    trained = f", trained on 70 % of {_range(data)} tasks{part}" if data else ""
+    return f"Ours: {ours}{trained}. The paper: {PAPER}.{_what_few_seeds_say(seeds)}"
+
+
+def _what_few_seeds_say(seeds: Sequence[int]) -> str:
+    """A caveat for intervals, by the numbers of seeds."""
+    once = "Of one seed intervals are over test tasks, and say nothing about training again."
+    few = "Two to four seeds are few to draw from: intervals over them are too narrow rather than too wide."
+    said = [once] * (1 in seeds) + [few] * any(1 < count < 5 for count in seeds)
+    return "".join(f" {sentence}" for sentence in said)
 
 
 def differences(

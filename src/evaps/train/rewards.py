@@ -29,7 +29,13 @@ def train_on_rewards(run: Run, model: Synthesizer, start: str) -> Path:
     """
     scale = run.scale
     config = FitConfig(
-        scale.rl_steps, rate=1e-4, seed=run.seed, warmup=10, validate_every=50, patience=scale.patience
+        scale.rl_steps,
+        rate=1e-4,
+        seed=run.seed,
+        warmup=10,
+        validate_every=50,
+        patience=scale.patience,
+        log_every=10,
     )
     train = run.dataset.split("train")
     alike = [0] * len(train)  # short and long programs together: of long ones alone none may earn anything
@@ -48,13 +54,17 @@ def train_on_rewards(run: Run, model: Synthesizer, start: str) -> Path:
 
 
 def reward_loss(run: Run, model: Synthesizer, positions: Sequence[int]) -> tuple[Tensor, dict[str, float]]:
-    """Minus the expected best reward of a bag of draws from the renormalised beam, a mean over tasks."""
+    """Minus the expected best reward of a bag of draws from the renormalised beam, a mean over tasks.
+
+    With it the ``reward`` of one draw, and the share of tasks whose beam has a right program (``solvable``):
+    the others teach nothing.
+    """
     scale = run.scale
     features = run.task_features(positions)
     with without_dropout(model):  # the beam, and what it is worth
         with autocast():
             groups = [[p.program for p in group] for group in beam_search(model, features, scale.rl_beam)]
-        bests, means = [], []
+        bests, means, solvable = [], [], []
         for position, programs, given in zip(positions, groups, features, strict=True):
             if not programs:
                 continue
@@ -65,4 +75,6 @@ def reward_loss(run: Run, model: Synthesizer, positions: Sequence[int]) -> tuple
             scores = model.log_probabilities(repeated, *lessons.batch(range(len(programs))))
             bests.append(expected_best(scores, rewards, scale.rl_draws))
             means.append((scores.detach().softmax(-1) * rewards).sum().item())
-    return -torch.stack(bests).mean(), {"reward": float(np.mean(means))}
+            solvable.append(right.any())
+    metrics = {"reward": float(np.mean(means)), "solvable": float(np.mean(solvable))}
+    return -torch.stack(bests).mean(), metrics
