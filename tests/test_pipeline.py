@@ -16,8 +16,9 @@ from safetensors.torch import load_file
 from evaps.dsl import Program, UserError
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import EvaluationPart, _facts, evaluate, evaluate_part
-from evaps.models import load_model, new_method
+from evaps.models import SHIPPED, load_model, new_method
 from evaps.models.checkpoint import CheckpointError, hash_of, read_config, save_checkpoint
+from evaps.models.encoder import Encoder, EncoderConfig
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import Workers
@@ -124,6 +125,13 @@ def test_each_training_needs_what_comes_before_it(data: Path, tmp_path: Path) ->
     for method in ("lgrl", "evaps"):
         with pytest.raises(CheckpointError, match="first: evaps train encoder"):
             train(method, data, tmp_path, "smoke")
+
+
+def test_nothing_is_built_on_what_was_trained_with_another_encoder(data: Path, tmp_path: Path) -> None:
+    save_checkpoint(tmp_path / "encoder", Encoder(EncoderConfig()), "encoder", {})
+    (tmp_path / "inverse").symlink_to(SHIPPED / "small" / "inverse")
+    with pytest.raises(CheckpointError, match="inverse was trained with another encoder than"):
+        train("lgrl", data, tmp_path, "smoke")
 
 
 def test_a_checkpoint_says_how_it_was_made(model: Path) -> None:

@@ -13,7 +13,11 @@ from evaps.models.beam import beam_search
 from evaps.models.inferred_trace import STOP, Ways
 from evaps.train.lessons import Lessons
 
-SYNTHESIZERS = [name for name in METHODS if issubclass(method_class(name), Synthesizer)]
+SYNTHESIZERS = [
+    name
+    for name, kind in METHODS.items()
+    if kind.start is None and issubclass(method_class(name), Synthesizer)  # another name of the same network
+]
 
 
 def batch(programs: list[list[int]]) -> tuple[torch.Tensor, torch.Tensor]:
