@@ -7,8 +7,8 @@
     python -m recipes.paper --ship                 # and put LGRL's and EVAPS's in their place
 
 `make paper SCALE=small` is the first of these. Rows that came with the checkout are not made again; with
---retrain all are. On two cores without a graphics card small takes 15 minutes
-for the data, 15 to 45 for each training, and 5 to 20 for each method's 1,000 test tasks.
+--retrain all are. On two cores without a graphics card small takes 8 to 20
+minutes for the data, 7 to 75 for each training, and 5 to 40 for each method's 1,000 test tasks.
 """
 
 from __future__ import annotations
