@@ -168,10 +168,12 @@ def test_a_training_that_is_done_is_not_done_again(data: Path, model: Path) -> N
     assert (model / "lgrl" / "metrics.jsonl").read_text() == metrics
 
 
-def test_rewards_change_the_weights_that_they_started_from(model: Path) -> None:
+def test_rewards_change_the_weights_and_the_best_are_kept(model: Path) -> None:
     start, end = (load_file(model / name / "model.safetensors") for name in ("lgrl", "lgrl-rl"))
-    assert start.keys() == end.keys()
-    assert any(not start[key].equal(end[key]) for key in start)
+    facts = json.loads((model / "lgrl-rl" / "config.json").read_text())["facts"]
+    assert all(start[key].equal(end[key]) for key in start) == (facts["metrics"]["best_step"] == -1)
+    last = torch.load(model / "lgrl-rl" / "state.pt")["model"]
+    assert any(not start[key].equal(last[key].half()) for key in start)
     rows = [json.loads(line) for line in (model / "lgrl-rl" / "metrics.jsonl").read_text().splitlines()]
     assert {"reward", "validation_semantic"} <= rows[-1].keys()
 
