@@ -170,6 +170,7 @@ def test_a_training_that_is_done_is_not_done_again(data: Path, model: Path) -> N
 
 def test_rewards_change_the_weights_and_the_best_are_kept(model: Path) -> None:
     start, end = (load_file(model / name / "model.safetensors") for name in ("lgrl", "lgrl-rl"))
+    assert start.keys() == end.keys()
     facts = json.loads((model / "lgrl-rl" / "config.json").read_text())["facts"]
     assert all(start[key].equal(end[key]) for key in start) == (facts["metrics"]["best_step"] == -1)
     last = torch.load(model / "lgrl-rl" / "state.pt")["model"]

@@ -18,7 +18,8 @@ from evaps.models.compute import device
 from evaps.models.encoder import EncoderConfig, TransitionModel, Transitions
 from evaps.robots.base import Scene
 from evaps.robots.world import world
-from evaps.tasks.frames import rgbd, unpack_frames
+from evaps.synthesis.features import stack_frames
+from evaps.tasks.frames import unpack_frames
 from evaps.tasks.task import EXAMPLES
 from evaps.tasks.walks import Walks, generate_walks
 from evaps.train.batches import one_ahead
@@ -126,7 +127,7 @@ class WalkBatches:
 
     def frames(self, rows: npt.NDArray[np.int64]) -> Tensor:
         """Their frames, bytes ``[frame, height, width, 4]``."""
-        return torch.from_numpy(rgbd([f for row in rows for f in unpack_frames(self.walks.frames[row])]))
+        return stack_frames([frame for row in rows for frame in unpack_frames(self.walks.frames[row])])
 
 
 def drop_pixels(frames: Tensor, rng: np.random.Generator) -> Tensor:

@@ -75,7 +75,7 @@ class Run:
 
     def load_features(self) -> None:
         """Have them now: several processes meet there, so not while one of them goes ahead."""
-        self.features  # noqa: B018
+        _ = self.features
 
     @cached_property
     def position_of(self) -> dict[int, int]:

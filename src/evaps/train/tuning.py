@@ -21,7 +21,8 @@ from evaps.models.base import Synthesizer
 from evaps.models.compute import device
 from evaps.models.encoder import TransitionModel
 from evaps.models.pairs import start_pairs
-from evaps.tasks.frames import rgbd, unpack_frames
+from evaps.synthesis.features import stack_frames
+from evaps.tasks.frames import unpack_frames
 from evaps.tasks.task import EXAMPLES
 from evaps.train.batches import batch_at, one_ahead, rotating_pairs
 from evaps.train.lessons import Lessons
@@ -92,7 +93,7 @@ class TaskFrames:
         for row, wanted in zip(rows, pairs, strict=True):
             every = unpack_frames(self.packed[row])  # first observations, then last ones
             chosen += [every[time * (EXAMPLES + 1) + pair] for pair in wanted for time in (0, 1)]
-        return torch.from_numpy(rgbd(chosen))
+        return stack_frames(chosen)
 
 
 def tune_encoder(
