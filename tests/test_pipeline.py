@@ -15,7 +15,7 @@ from safetensors.torch import load_file
 
 from evaps.dsl import Program, UserError
 from evaps.dsl.sampler import PERCEPTION_KEYS
-from evaps.evaluate import EvaluationPart, _facts, evaluate, evaluate_part
+from evaps.evaluate import EvaluationPart, Setting, _facts, evaluate, evaluate_part
 from evaps.models import SHIPPED, load_model, new_method
 from evaps.models.checkpoint import CheckpointError, hash_of, read_config, save_checkpoint
 from evaps.models.encoder import Encoder, EncoderConfig
@@ -238,7 +238,8 @@ def test_no_candidate_depends_on_what_methods_must_not_know(
     dataset, model = Dataset(data), all_models
     others = ("lgrl-rl", "latent-execution", "enumeration", "blind", "prior", *UNTRAINED)
     methods = METHODS if noise else (*METHODS, *others)
-    facts = {method: _facts(str(model), method, dataset, "test", noise, ACTIONS) for method in methods}
+    setting = Setting("test", noise, ACTIONS, top_k=4, most_rounds=2)
+    facts = {method: _facts(str(model), method, dataset, setting) for method in methods}
     (part,) = task_parts(Path("none"), dataset, dataset.split("test")[:1], 1)
     part = part.loaded(dataset)
     row, frames = part.rows[0], list(unpack_frames(part.frames[0]))
@@ -249,7 +250,7 @@ def test_no_candidate_depends_on_what_methods_must_not_know(
     found = []
     for tasks in (part, other):
         robot = MemoRobot(DoomRobot(), PERCEPTION_KEYS)
-        files = evaluate_part(robot, EvaluationPart(tasks, str(model), facts, 4, 2, noise, ACTIONS))
+        files = evaluate_part(robot, EvaluationPart(tasks, str(model), facts, setting))
         robot.close()
         table = pq.read_table(pa.BufferReader(files[tasks.path]))
         kept = ["method", "rank", "program", "pairs_passed", "rounds", "simulated_actions", "semantic_state"]

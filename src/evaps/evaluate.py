@@ -48,7 +48,7 @@ ATTEMPT = pa.struct(
 SCHEMA = pa.schema(
     {
         "method": pa.string(),
-        "seed": pa.int32(),
+        "seed": pa.int32(),  # of the training
         "scale": pa.string(),
         "trained_on": pa.int64(),  # tasks in the data set of the training, all splits together
         "commit": pa.string(),  # of the training
@@ -59,6 +59,8 @@ SCHEMA = pa.schema(
         "split": pa.string(),
         "noise": pa.float32(),  # share of the pixels that were invalid
         "budget": pa.int64(),  # actions that a search may simulate
+        "top_k": pa.int32(),  # candidates that were asked for
+        "most_rounds": pa.int32(),  # of repair that each might have
         "task": pa.int64(),
         "steps": pa.int32(),
         "rank": pa.int32(),
@@ -102,16 +104,24 @@ def match(program: Program, gold: GoldTask, robot: MemoRobot) -> Match:
 
 
 @dataclass(frozen=True)
+class Setting:
+    """How methods are judged; the names are those of the rows' columns."""
+
+    split: str
+    noise: float
+    budget: int
+    top_k: int
+    most_rounds: int
+
+
+@dataclass(frozen=True)
 class EvaluationPart:
     """Some tasks and the models to try on them."""
 
     tasks: TaskPart
     model: str
     facts: dict[str, dict[str, Any]]
-    top_k: int
-    rounds: int
-    noise: float
-    actions: int
+    setting: Setting
 
     @property
     def path(self) -> Path:
@@ -126,15 +136,17 @@ def evaluate_part(robot: MemoRobot, part: EvaluationPart) -> Files:
     a task is judged only when all of them are done with it.
     """
     torch.set_num_threads(1)  # every worker has one core
-    budget = Budget(part.actions, math.inf)  # what comes out must not depend on how busy the machine is
+    setting = part.setting
+    budget = Budget(setting.budget, math.inf)  # what comes out must not depend on how busy the machine is
     rows: list[dict[str, Any]] = []
     for gold in part.tasks.golds():
         solutions = {}
-        task = gold.task.with_noise(part.noise) if part.noise else gold.task
+        task = gold.task.with_noise(setting.noise) if setting.noise else gold.task
         for method in part.facts:
             robot.forget()
             model = _model(part.model, method)
-            solutions[method] = solve(model, task, robot, part.top_k, part.rounds, budget)
+            seed = part.facts[method]["seed"]  # of the training, and of what a search draws
+            solutions[method] = solve(model, task, robot, setting.top_k, setting.most_rounds, budget, seed)
         for method, solution in solutions.items():
             rows += _rows(solution, gold, robot, part.facts[method])
     return {part.path: rows_bytes(rows, SCHEMA)}
@@ -145,9 +157,7 @@ def _model(folder: str, method: str) -> Model:
     return load_model(folder, method)
 
 
-def _facts(
-    model: str, method: str, dataset: Dataset, split: str, noise: float, actions: int
-) -> dict[str, Any]:
+def _facts(model: str, method: str, dataset: Dataset, setting: Setting) -> dict[str, Any]:
     """What a row says of its making.
 
     Raises:
@@ -165,9 +175,7 @@ def _facts(
         "evaluated_by": code_version(),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, {precision()}",
         "dataset_seed": dataset.identity["seed"],
-        "split": split,
-        "noise": noise,
-        "budget": actions,
+        **vars(setting),
     }
 
 
@@ -233,9 +241,11 @@ def evaluate(
         actions: that a search may simulate for a task; nobody else looks at it.
 
     Raises:
-        UserError: unknown method or split.
+        UserError: no method, an unknown one, or an unknown split.
         CheckpointError: the model cannot be loaded.
     """
+    if not methods:
+        raise UserError("there is no method to judge; name some, such as --methods lgrl evaps")
     for method in methods:
         needed_for(method)
     dataset = Dataset(data)
@@ -244,11 +254,11 @@ def evaluate(
     positions = dataset.split(split)[:tasks]
     if not positions:
         raise UserError(f"the data set has no task in the split {split!r}; generate a larger one")
-    facts = {method: _facts(model, method, dataset, split, noise, actions) for method in methods}
-    folder = out.with_suffix(f".parts-{short_hash([dataset.identity, facts, positions, top_k, rounds])}")
+    setting = Setting(split, noise, actions, top_k, rounds)
+    facts = {method: _facts(model, method, dataset, setting) for method in methods}
+    folder = out.with_suffix(f".parts-{short_hash([dataset.identity, facts, positions])}")
     parts = [
-        EvaluationPart(part, model, facts, top_k, rounds, noise, actions)
-        for part in task_parts(folder, dataset, positions, PART)
+        EvaluationPart(part, model, facts, setting) for part in task_parts(folder, dataset, positions, PART)
     ]
 
     def load(part: EvaluationPart) -> EvaluationPart:

@@ -31,11 +31,11 @@ def synthesize_blindly(
         task: the specification.
         robot: where programs run.
         budget: what it may cost.
-        seed: of the programs.
+        seed: of the programs; each task has its own, by its name.
         watch: may end it.
     """
     meter = Meter(robot)
-    rng = np.random.default_rng(seed)
+    rng = _draws_of(task, seed)
     best: tuple[int, Program] | None = None
     over = False
     while not over and (best is None or best[0] < len(task.examples)):
@@ -58,13 +58,17 @@ def synthesize_from_prior(task: Task, robot: MemoRobot, top_k: int = 20, seed: i
         seed: of the programs; each task has its own, by its name.
     """
     meter = Meter(robot)
-    rng = np.random.default_rng([seed, *task.name.encode()])
+    rng = _draws_of(task, seed)
     programs: dict[Program, None] = {}
     while len(programs) < top_k:
         programs[sample_program(rng)] = None
     attempts = attempt_all(list(programs), task, robot)
     drawn = tuple(Candidate((attempt,), rank, "prior") for rank, attempt in enumerate(attempts))
     return Solution(task.name, best_first(drawn), meter.actions, meter.seconds, drawn)
+
+
+def _draws_of(task: Task, seed: int) -> np.random.Generator:
+    return np.random.default_rng([seed, *task.name.encode()])
 
 
 def _furthest(programs: list[Program], task: Task, robot: MemoRobot) -> list[tuple[int, Program]]:
