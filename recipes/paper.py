@@ -14,7 +14,8 @@ minutes for the data, 7 to 75 for each training, and 5 to 40 for each method's 1
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -30,7 +31,7 @@ from evaps.models import METHODS, PROPOSER, SHIPPED, needed_for
 from evaps.models.checkpoint import hash_of
 from evaps.report import report
 from evaps.report.summary import noise_costs, summary_table
-from evaps.report.tables import differences, scale_note
+from evaps.report.tables import scale_note, sentences
 from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
 from evaps.tasks.dataset import Dataset
@@ -68,27 +69,69 @@ At the scale ``paper`` the encoder has learned from training tasks, too, with an
 
 
 @dataclass(frozen=True)
+class Judging:
+    """How much is judged at a scale."""
+
+    seeds: int
+    """Trainings of each method in PAPER; those in FURTHER have one."""
+    tasks: int
+    """Test tasks."""
+    noise: bool
+    """Whether LGRL and EVAPS are judged with noise, too."""
+
+
+JUDGING = {
+    "smoke": Judging(seeds=1, tasks=4, noise=False),
+    "quick": Judging(seeds=1, tasks=200, noise=False),
+    "small": Judging(seeds=3, tasks=1_000, noise=True),
+    "paper": Judging(seeds=5, tasks=10_000, noise=True),
+}
+"""What else the one dial turns: `evaps.train.scale.SCALES` says how much is trained."""
+
+
+@dataclass(frozen=True)
 class Plan:
     """What is made."""
 
     scale: str = "small"
     """smoke, quick, small or paper."""
-    seeds: tuple[int, ...] = (0,)
-    """Of the trainings; all share the encoder and the inverse model of seed 0."""
+    seeds: tuple[int, ...] = ()
+    """Of the trainings; all share encoder and inverse model of seed 0. None: as many as JUDGING has."""
     methods: tuple[str, ...] = (*PAPER, *FURTHER)
     """Who is trained and judged."""
-    tasks: int = 1_000
-    """Test tasks."""
-    noise: bool = False
-    """Judge LGRL and EVAPS with noise, too, and without, each five times on 400 tasks."""
+    tasks: int = 0
+    """Test tasks; 0: as many as JUDGING has."""
+    noise: bool | None = None
+    """Judge LGRL and EVAPS with noise, too, and without, five times on 400 tasks; None: as in JUDGING."""
     retrain: bool = False
-    """Train and judge everything anew, beside shipped checkpoints and over committed rows."""
+    """Train and judge everything anew, beside shipped checkpoints and committed rows."""
     ship: bool = False
     """Put the checkpoints of SHIP into the package."""
     workers: int = 2
     """Processes that simulate; 0 for none beside this one."""
     root: Path = Path()
     """Folder that data, runs and results are in."""
+
+    def __post_init__(self) -> None:
+        """Fill in what the scale says.
+
+        Raises:
+            UserError: there is no such scale.
+        """
+        if self.scale not in JUDGING:
+            raise UserError(f"there is no scale {self.scale!r}; known are {', '.join(JUDGING)}")
+        usual = JUDGING[self.scale]
+        for name, value in (
+            ("seeds", self.seeds or tuple(range(usual.seeds))),
+            ("tasks", self.tasks or usual.tasks),
+            ("noise", usual.noise if self.noise is None else self.noise),
+        ):
+            object.__setattr__(self, name, value)
+
+    @property
+    def again(self) -> str:
+        """What is added to the names of folders, so that nothing that was there before counts."""
+        return "-retrained" if self.retrain else ""
 
     @property
     def data(self) -> Path:
@@ -98,12 +141,11 @@ class Plan:
     @property
     def results(self) -> Path:
         """Folder of rows, learning curves and reports."""
-        return self.root / "results" / self.scale
+        return self.root / "results" / f"{self.scale}{self.again}"
 
     def runs(self, seed: int) -> Path:
         """Folder of a seed's checkpoints."""
-        again = "-retrained" if self.retrain else ""
-        return self.root / "runs" / f"{self.scale}-{seed}{again}"
+        return self.root / "runs" / f"{self.scale}-{seed}{self.again}"
 
 
 def make(plan: Plan) -> None:
@@ -115,32 +157,56 @@ def make(plan: Plan) -> None:
     if plan.ship and not (0 in plan.seeds and set(SHIP) <= set(with_what_is_needed(plan.methods))):
         raise UserError(f"--ship is for {', '.join(SHIP)} of seed 0; name lgrl and evaps, and seed 0")
     for seed in plan.seeds:
-        methods = [method for method in plan.methods if not is_done(plan, seed, method)]
-        noisy = [method for method in NOISY if plan.noise and method in plan.methods]
-        if methods or noisy:
+        for method, noise in rows_wanted(plan, seed):
+            if is_done(plan, seed, method, noise):
+                tell(f"{method}, seed {seed}: has its rows")
+                continue
             make_data(plan)
-            for method in with_what_is_needed([*methods, *noisy]):
-                make_checkpoint(plan, seed, method)
-        for method in methods:
-            make_rows(plan, seed, method)
-        for method in noisy:
-            for share in NOISE:
-                make_rows(plan, seed, method, share)
+            for needed in with_what_is_needed((method,)):
+                make_checkpoint(plan, seed, needed)
+            make_rows(plan, seed, method, noise)
     for method in SHIP if plan.ship else ():
         ship(plan, method)
-    report("all", plan.results / "methods", plan.results / "report")
+    written = report("all", plan.results / "methods", plan.results / "report")
+    tell(f"{len(written)} files of tables and figures are in {plan.results / 'report'}")
 
 
-def is_done(plan: Plan, seed: int, method: str) -> bool:
+def rows_wanted(plan: Plan, seed: int) -> Iterator[tuple[str, float | None]]:
+    """A seed's methods, each with a share of invalid pixels for the noise figure, or with None."""
+    first = seed == plan.seeds[0]
+    for method in plan.methods:
+        if first or method not in FURTHER:
+            yield method, None
+    for method in NOISY if plan.noise and first else ():
+        if method in plan.methods:
+            yield from ((method, share) for share in NOISE)
+
+
+def rows_path(plan: Plan, seed: int, method: str, noise: float | None = None) -> Path:
+    """The file of a method's rows; or of those with noise."""
+    rows = plan.results / "methods"
+    if noise is None:
+        return rows / f"{method}-{seed}.parquet"
+    return rows / "noise" / f"{method}-{seed}-{100 * noise:.0f}.parquet"
+
+
+def is_done(plan: Plan, seed: int, method: str, noise: float | None = None) -> bool:
     """Whether a method's rows came with the checkout, so that its hours need not be spent again.
 
     They did not if there is a checkpoint that somebody has trained here, or another one is shipped by now.
     """
-    rows, shipped = plan.results / "methods" / f"{method}-{seed}.parquet", SHIPPED / plan.scale
+    shipped = SHIPPED / plan.scale
     if plan.retrain or (plan.runs(seed) / method).exists():
         return False
     comes_along = seed == 0 and (shipped / method).is_dir()
-    return have_rows(rows, plan.tasks, {method: weights_of(shipped, method) if comes_along else None})
+    tasks = plan.tasks if noise is None else min(plan.tasks, NOISY_TASKS)
+    weights = {method: weights_of(shipped, method) if comes_along else None}
+    return have_rows(rows_path(plan, seed, method, noise), tasks, weights)
+
+
+def tell(what: str) -> None:
+    """Say how far it is."""
+    print(what, file=sys.stderr, flush=True)
 
 
 def have_rows(path: Path, tasks: int, weights: Mapping[str, str | None]) -> bool:
@@ -211,13 +277,12 @@ def ship(plan: Plan, method: str) -> None:
 
 def make_rows(plan: Plan, seed: int, method: str, noise: float | None = None) -> None:
     """The rows of a method and a seed; or those for the noise figure, of fewer tasks."""
-    rows = plan.results / "methods"
+    path = rows_path(plan, seed, method, noise)
     if noise is None:
-        judge(plan, plan.runs(seed), (method,), rows / f"{method}-{seed}.parquet")
-        return
-    plan = replace(plan, tasks=min(plan.tasks, NOISY_TASKS))
-    path = rows / "noise" / f"{method}-{seed}-{100 * noise:.0f}.parquet"
-    judge(plan, plan.runs(seed), (method,), path, noise)
+        judge(plan, plan.runs(seed), (method,), path)
+    else:
+        fewer = replace(plan, tasks=min(plan.tasks, NOISY_TASKS))
+        judge(fewer, plan.runs(seed), (method,), path, noise)
 
 
 def judge(
@@ -250,13 +315,13 @@ def readme_table(results: Path) -> str:
     found = Results.read(rows)
     others = [m for m in found.methods if m != "evaps"]
     table = summary_table(rows, beside_paper=True)
-    return "\n\n".join([table, scale_note(found), *differences(found, "evaps", others)])
+    return "\n\n".join([table, scale_note(found), *sentences(found, "evaps", others)])
 
 
 def main(plan: Plan) -> None:
-    """Make it, and at small scale put the tables into README.md and docs/methods.md."""
+    """Make it; what the README and docs/methods.md show is of the small scale, in its place."""
     make(plan)
-    if plan.scale == "small":
+    if plan.results == Path("results/small"):
         put(Path("README.md"), "results/small/methods", readme_table(plan.results))
         if (plan.results / "methods" / "noise").is_dir():
             put(Path("docs/methods.md"), "noise", noise_page(plan.results))

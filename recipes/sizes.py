@@ -28,6 +28,7 @@ from recipes.paper import (
     judge,
     make_checkpoint,
     make_data,
+    rows_path,
     take,
     with_what_is_needed,
 )
@@ -71,7 +72,7 @@ def main(sizes: Sizes) -> None:
     for method in sizes.methods:
         for tasks in sizes.sizes:
             make_rows(plan, tasks, method)
-        whole = plan.results / "methods" / f"{method}-0.parquet"
+        whole = rows_path(plan, 0, method)
         judge(plan, plan.runs(0), (method,), whole)
         shutil.copy(whole, rows_of(plan, method, "all"))
     report(SIZES, plan.results / "methods", plan.results / "report")

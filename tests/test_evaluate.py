@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rows import RIGHT, WRONG, repaired, results_of, rows
 
+from evaps.bootstrap import bootstrap, bootstraps
 from evaps.dsl import Program, UserError, run
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import match
-from evaps.metrics import bootstrap
 from evaps.robots.base import Pose, Scene, Thing
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
@@ -90,7 +90,14 @@ def test_an_answer_is_the_best_attempt_and_not_the_last() -> None:
     ("groups", "what"),
     [
         ([rows("lgrl", [0]), rows("lgrl", [None])], "task 0 has two rows of lgrl, seed 0, rank 0"),
-        ([rows("lgrl", [0]), rows("lgrl", [0, 0], seed=1)], "lgrl was judged on other tasks with seed 1"),
+        (
+            [rows("lgrl", [0]), rows("lgrl", [0, 0], seed=1)],
+            "seed 1, were judged on different tasks",
+        ),
+        (
+            [rows("lgrl", [0]), [row | {"trained_on": 50} for row in rows("lgrl", [0], seed=1)]],
+            "lgrl, seed 0 and seed 1, differ in trained_on: 100, 50",
+        ),
         (
             [rows("lgrl", [0]), [row | {"noise": 0.25} for row in rows("evaps", [0])]],
             "more than one noise: 0.0, 0.25",
@@ -133,3 +140,26 @@ def test_the_interval_is_as_wide_as_theory_says() -> None:
     found = bootstrap(values)
     error = 1.96 * values.std() / 1000**0.5
     assert (found.high - found.low) / 2 == pytest.approx(error, rel=0.1)
+
+
+def test_two_seeds_that_differ_make_the_interval_as_wide_as_they_are_apart() -> None:
+    found = bootstrap(np.stack([np.zeros(1000), np.full(1000, 100.0)]), draws=1000)
+    assert found == (50, 0, 100)
+
+
+def test_few_seeds_vary_by_as_much_as_the_mean_of_seeds_does() -> None:
+    """The variance of a mean of n is a mean of n's unbiased variance; without it three look too alike."""
+    seeds = np.array([0.0, 30.0, 90.0])
+    found = bootstrap(seeds[:, None] + np.random.default_rng(0).normal(0, 1, (3, 2000)))
+    drawn = sorted((a + b) / 2 for a in seeds for b in seeds)  # of three seeds two
+    assert found.mean == pytest.approx(40, abs=0.2)
+    assert found.low == pytest.approx(drawn[0], abs=0.5)
+    assert found.high == pytest.approx(drawn[-1], abs=0.5)
+    assert np.var(drawn) == pytest.approx(np.var(seeds, ddof=1) / 3)
+
+
+def test_items_are_judged_on_the_same_draws() -> None:
+    values = np.random.default_rng(2).normal(0, 1, (2, 300))
+    one, shifted = bootstraps(np.stack([values, values + 5]), draws=500)
+    assert np.array(shifted) == pytest.approx(np.array(one) + 5, abs=1e-5)
+    assert one == pytest.approx(bootstrap(values, draws=500), abs=1e-5)

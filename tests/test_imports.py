@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).parents[1] / "src" / "evaps"
 
 # A room may import from rooms of a lower floor and from itself; rooms on one floor do not know each other.
 FLOORS = [
-    {"domain", "files", "libraries"},
+    {"bootstrap", "domain", "files", "libraries"},
     {"dsl"},
     {"robots", "models"},
     {"tasks"},

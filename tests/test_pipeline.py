@@ -5,7 +5,9 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -16,14 +18,17 @@ from safetensors.torch import load_file
 from evaps.dsl import Program, UserError
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import EvaluationPart, Setting, _facts, evaluate, evaluate_part
-from evaps.models import SHIPPED, load_model, new_method
+from evaps.models import SHIPPED, Model, load_model, new_method
 from evaps.models.checkpoint import CheckpointError, hash_of, read_config, save_checkpoint
 from evaps.models.encoder import Encoder, EncoderConfig
+from evaps.robots.base import Scene, WorldState
 from evaps.robots.doom import DoomRobot
 from evaps.robots.memo import MemoRobot
 from evaps.robots.workers import Workers
+from evaps.synthesis import Solution, solve
 from evaps.tasks.dataset import Dataset, task_parts
 from evaps.tasks.frames import pack_frames, unpack_frames
+from evaps.tasks.task import Task
 from evaps.train import train
 from evaps.train.scale import SCALES
 from recipes.gallery import Gallery
@@ -33,9 +38,14 @@ from recipes.paper import Plan, make
 ROOT = Path(__file__).parents[1]
 EVAPS = str(Path(sys.executable).with_name("evaps"))
 TIMES = ("seconds",)
+VERDICTS = {
+    "exact",
+    *(f"{kind}_{of}" for kind in ("semantic", "generalization") for of in ("state", "frame")),
+}
 METHODS = ("lgrl", "evaps", "inferred-trace", "verified")
 ACTIONS = 150  # that a search may simulate
-UNTRAINED = ("transformer", "sed", "naive", "evaps-parallel")
+UNTRAINED = ("transformer", "sed", "naive", "evaps-o", "evaps-s", "evaps-parallel")
+FURTHER = ("sed-search", "inferred-trace+evaps", "verified-with-repairs", "enumeration", "blind", "prior")
 TRAINED = ("lgrl", "lgrl-rl", "inferred-trace", "latent-execution", "evaps")
 
 pytestmark = pytest.mark.slow
@@ -236,7 +246,7 @@ def test_no_candidate_depends_on_what_methods_must_not_know(
 ) -> None:
     """Another hidden program, test scene, test goal, and other hidden states: byte for byte the same."""
     dataset, model = Dataset(data), all_models
-    others = ("lgrl-rl", "latent-execution", "enumeration", "blind", "prior", *UNTRAINED)
+    others = ("lgrl-rl", "latent-execution", *UNTRAINED, *FURTHER[-3:])
     methods = METHODS if noise else (*METHODS, *others)
     setting = Setting("test", noise, ACTIONS, top_k=4, most_rounds=2)
     facts = {method: _facts(str(model), method, dataset, setting) for method in methods}
@@ -253,12 +263,60 @@ def test_no_candidate_depends_on_what_methods_must_not_know(
         files = evaluate_part(robot, EvaluationPart(tasks, str(model), facts, setting))
         robot.close()
         table = pq.read_table(pa.BufferReader(files[tasks.path]))
-        kept = ["method", "rank", "program", "pairs_passed", "rounds", "simulated_actions", "semantic_state"]
-        found.append(table.select(kept).to_pylist())
-    judged = [[row.pop("semantic_state") for row in rows] for rows in found]
+        found.append(table.drop_columns(["seconds", "steps"]).to_pylist())
+    judged = [[row["semantic_state"] for row in rows] for rows in found]
+    for row in chain(*found):
+        for key in VERDICTS:
+            row.pop(key)
+        for attempt in row["attempts"]:
+            for key in VERDICTS & attempt.keys():
+                attempt.pop(key)
     assert found[0] == found[1]
     assert {row["method"] for row in found[0]} == set(methods)
     assert not any(judged[1]), "the verdicts do depend on it"
+
+
+class SealedScene(Scene):
+    """A scene that the robot can be put into, and in which nobody else sees where anything is."""
+
+    def __getattribute__(self, name: str) -> Any:
+        if name in ("robot", "things", "to_json"):
+            reader = sys._getframe(1).f_globals["__name__"]
+            assert reader.startswith("evaps.robots."), f"{reader} reads a scene's {name}"
+        return super().__getattribute__(name)
+
+
+class SealedRobot(MemoRobot):
+    """A robot whose hidden state nobody may ask for while it is sealed."""
+
+    sealed = False
+
+    def state(self) -> WorldState:
+        assert not self.sealed, "a method asks for the hidden state"
+        return super().state()
+
+
+def test_no_method_reads_a_scene_or_the_hidden_state(
+    data: Path, all_models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def solve_sealed(model: Model, task: Task, robot: SealedRobot, *options: Any) -> Solution:
+        scenes = [SealedScene(e.scene.robot, e.scene.things) for e in task.examples]
+        examples = [replace(e, scene=scene) for e, scene in zip(task.examples, scenes, strict=True)]
+        robot.sealed = True
+        try:
+            return solve(model, replace(task, examples=tuple(examples)), robot, *options)
+        finally:
+            robot.sealed = False
+
+    monkeypatch.setattr("evaps.evaluate.solve", solve_sealed)
+    dataset, setting = Dataset(data), Setting("test", 0.0, ACTIONS, top_k=4, most_rounds=2)
+    methods = (*METHODS, "evaps-parallel", "sed", *FURTHER)
+    facts = {method: _facts(str(all_models), method, dataset, setting) for method in methods}
+    (part,) = task_parts(Path("none"), dataset, dataset.split("test")[:1], 1)
+    robot = SealedRobot(DoomRobot(), PERCEPTION_KEYS)
+    files = evaluate_part(robot, EvaluationPart(part.loaded(dataset), str(all_models), facts, setting))
+    robot.close()
+    assert set(pq.read_table(pa.BufferReader(files[part.path]))["method"].to_pylist()) == set(methods)
 
 
 def test_an_evaluation_on_ray_is_the_same(data: Path, model: Path, tmp_path: Path) -> None:

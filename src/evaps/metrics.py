@@ -1,44 +1,31 @@
-"""Figures from evaluation rows: matches among the first k, answers, and differences with their intervals.
+"""Figures from evaluation rows: matches among the first k, answers, and how methods differ.
 
 Rows of several methods and seeds may lie in one file or in many; each (method, seed) is one set of results.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 from jaxtyping import Bool, Float
 
+from evaps.bootstrap import DRAWS, Interval, bootstraps
 from evaps.dsl import UserError
 from evaps.tasks.files import read_table
 
 TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state": "generalization"}
 """What the paper calls its metrics, by our columns; the tables show the match of states."""
 METRICS = tuple(TITLES)
+JUDGED = (*METRICS, "semantic_frame", "generalization_frame")
 TOP = (1, 5, 20)
-DRAWS = 10_000
-DRAWN_TOGETHER = 1 << 20  # tasks, so that a bootstrap of any number of them takes a few megabytes
 Row = Mapping[str, Any]
-
-
-class Interval(NamedTuple):
-    """A mean with its 95 % interval, in points."""
-
-    mean: float
-    low: float
-    high: float
-
-    @property
-    def certain(self) -> bool:
-        """Whether the interval leaves the sign no doubt."""
-        return self.low > 0 or self.high < 0
 
 
 @dataclass(frozen=True)
@@ -67,7 +54,26 @@ class MethodResults:
 
     def matches(self, metric: str, k: int) -> Bool[np.ndarray, " task"]:
         """For each task whether any of the first ``k`` candidates matches."""
-        return np.array([any(r[metric] for r in self.first(t, k)) for t in self.tasks])
+        return self._first_match[metric] < k
+
+    @cached_property
+    def _first_match(self) -> dict[str, np.ndarray[Any, Any]]:
+        """By metric the rank of each task's first candidate that matches, or infinity."""
+        return {
+            metric: np.array(
+                [min((r["rank"] for r in self.rows[t] if r.get(metric)), default=np.inf) for t in self.tasks]
+            )
+            for metric in JUDGED
+        }
+
+    @cached_property
+    def asked(self) -> float:
+        """How many candidates were asked for; infinity if rows of an earlier evaps do not say so."""
+        return self.fact("top_k") or np.inf
+
+    def fact(self, key: str) -> Any:
+        """What is the same in all rows, such as ``"scale"``; None if they do not say it."""
+        return self.rows[self.tasks[0]][0].get(key)
 
     def column(self, key: str) -> np.ndarray[Any, Any]:
         """A fact that is the same in all rows of a task, such as ``"steps"``."""
@@ -111,6 +117,14 @@ def _best_attempt(row: Row) -> Row:
     return {**row, **max(_attempts(row), key=lambda attempt: attempt["pairs_passed"])}
 
 
+Judge = Callable[[MethodResults], Bool[np.ndarray, " task"]]
+"""Says for each task whether it is solved."""
+
+
+def _among_first(metric: str, k: int) -> Judge:
+    return lambda run: run.matches(metric, k)
+
+
 class Results:
     """Evaluation rows of several methods and seeds.
 
@@ -118,8 +132,9 @@ class Results:
         tables: of rows.
 
     Raises:
-        UserError: they are not of one split of one data set with one noise, a candidate has two rows, or a
-            method was judged on other tasks with one seed than with another.
+        UserError: they are not of one split of one data set with one noise, as many candidates and rounds of
+            repair, a candidate has two rows, or a method was trained on more, or judged on other tasks, with
+            one seed than with another.
     """
 
     def __init__(self, tables: Sequence[pa.Table]) -> None:
@@ -140,11 +155,7 @@ class Results:
             by_rank = {task: [ranks[rank] for rank in sorted(ranks)] for task, ranks in tasks.items()}
             seeds = self.by_method.setdefault(method, [])
             seeds.append(MethodResults(method, seed, by_rank))
-            if seeds[0].tasks != seeds[-1].tasks:
-                raise UserError(
-                    f"{method} was judged on other tasks with seed {seed} than with seed {seeds[0].seed}; "
-                    "evaluate both with the same --tasks"
-                )
+            _check_one_training(seeds[0], seeds[-1])
 
     @classmethod
     def read(cls, *paths: Path) -> Results:
@@ -201,32 +212,73 @@ class Results:
         return fewer
 
     def top(self, method: str, metric: str, k: int) -> Float[np.ndarray, " seed"]:
-        """For each seed the share of tasks, in %, on which any of the first ``k`` candidates matches."""
-        return np.array([100 * run.matches(metric, k).mean() for run in self.by_method[method]])
+        """For each seed the share of tasks, in %, on which any of the first ``k`` candidates matches.
+
+        It is nan where fewer candidates were asked for.
+        """
+        runs = self.by_method[method]
+        return np.array([100 * r.matches(metric, k).mean() if k <= r.asked else np.nan for r in runs])
+
+    def shared_seeds(self, one: str, other: str) -> list[int]:
+        """The seeds that two methods both have."""
+        return sorted({r.seed for r in self.by_method[one]} & {r.seed for r in self.by_method[other]})
 
     def difference(
         self, better: str, worse: str, metric: str, k: int, seed: int = 0, draws: int = DRAWS
     ) -> Interval:
-        """The difference of two methods in points, on the same tasks and seeds: a paired bootstrap.
+        """The difference of two methods in points; see `differences`."""
+        return self.differences(better, worse, metric, (k,), seed, draws)[0]
 
-        Seeds and tasks are drawn with replacement; both methods are judged on the same draw. With one seed
-        the interval tells how much the choice of test tasks matters, and nothing about training again.
+    def differences(
+        self,
+        better: str,
+        worse: str,
+        metric: str,
+        ks: Sequence[int] = TOP,
+        seed: int = 0,
+        draws: int = DRAWS,
+    ) -> list[Interval]:
+        """For each k the difference of two methods in points, on the same tasks and seeds.
+
+        A paired bootstrap (`evaps.bootstrap`): both methods are judged on the same draw of tasks and seeds.
+        With one seed the interval tells how much the choice of test tasks matters, and nothing about
+        training again.
+
+        Raises:
+            ValueError: they were judged on different tasks, or with fewer candidates, or share no seed.
+        """
+        for method in (better, worse):
+            if any(max(ks) > run.asked for run in self.by_method[method]):
+                raise ValueError(f"{method} was not asked for {max(ks)} candidates")
+        gains = [self.gains(better, worse, _among_first(metric, k)) for k in ks]
+        return bootstraps(np.stack(gains), seed, draws)
+
+    def gains(
+        self, better: str, worse: str, right: Judge, right_of_worse: Judge | None = None
+    ) -> Float[np.ndarray, "seed task"]:
+        """What one method has more than another: 100, 0 or -100 for each seed that both have and each task.
+
+        Args:
+            better: the one.
+            worse: the other.
+            right: for each task whether a method's results solve it.
+            right_of_worse: the same for the other method, if it is judged in another way.
 
         Raises:
             ValueError: they were judged on different tasks, or share no seed.
         """
+        seeds = self.shared_seeds(better, worse)
         runs = [{r.seed: r for r in self.by_method[method]} for method in (better, worse)]
-        seeds = sorted(runs[0].keys() & runs[1].keys())
-        if not seeds or any(runs[0][s].tasks != runs[1][s].tasks for s in seeds):
+        pairs = [(runs[0][s], runs[1][s]) for s in seeds]
+        if not seeds or any(a.tasks != b.tasks for a, b in pairs):
             raise ValueError(f"{better} and {worse} were not judged on the same tasks with the same seeds")
-        gains = np.stack(
-            [100.0 * runs[0][s].matches(metric, k) - 100.0 * runs[1][s].matches(metric, k) for s in seeds]
-        )
-        return bootstrap(gains, seed, draws)
+        return np.array([100.0 * right(a) - 100.0 * (right_of_worse or right)(b) for a, b in pairs])
 
 
-ONE_SETTING = ("dataset_seed", "split", "noise")
+ONE_SETTING = ("dataset_seed", "split", "noise", "top_k", "most_rounds")
 """Columns that have to be the same in rows that are compared."""
+ONE_TRAINING = ("scale", "trained_on")
+"""Columns that have to be the same in all rows of a method."""
 
 
 def _check_one_setting(tables: Sequence[pa.Table]) -> None:
@@ -236,6 +288,20 @@ def _check_one_setting(tables: Sequence[pa.Table]) -> None:
         if len(values) > 1:
             raise UserError(
                 f"these rows are of more than one {column}: {', '.join(f'{value}' for value in values)}; "
+                "put each kind into a folder of its own"
+            )
+
+
+def _check_one_training(one: MethodResults, other: MethodResults) -> None:
+    """The seeds of a method are averaged, so nothing but the seed may differ."""
+    what = f"{one.method}, seed {one.seed} and seed {other.seed},"
+    if one.tasks != other.tasks:
+        raise UserError(f"{what} were judged on different tasks; evaluate both with the same --tasks")
+    for column in ONE_TRAINING:
+        values = {one.fact(column), other.fact(column)} - {None}
+        if len(values) > 1:
+            raise UserError(
+                f"{what} differ in {column}: {', '.join(sorted(map(str, values)))}; "
                 "put each kind into a folder of its own"
             )
 
@@ -259,25 +325,3 @@ def _files(path: Path) -> list[Path]:
     if not files or not files[0].exists():
         raise UserError(f"{path} holds no rows; make some with: evaps evaluate --out {path}/NAME.parquet")
     return files
-
-
-def bootstrap(values: Float[np.ndarray, "seed task"], seed: int = 0, draws: int = DRAWS) -> Interval:
-    """The mean over seeds and tasks, and its percentile bootstrap interval.
-
-    Args:
-        values: one number for each seed and task.
-        seed: of the draws.
-        draws: how many.
-    """
-    rng = np.random.default_rng(seed)
-    seeds, tasks = values.shape
-    together = max(1, DRAWN_TOGETHER // tasks)
-    means = np.empty(draws)
-    for start in range(0, draws, together):
-        size = min(together, draws - start)
-        picked = rng.integers(0, tasks, (size, tasks))
-        by_seed = np.stack([row[picked].mean(1) for row in values], 1)
-        chosen = rng.integers(0, seeds, (size, seeds))
-        means[start : start + size] = np.take_along_axis(by_seed, chosen, 1).mean(1)
-    low, high = np.percentile(means, [2.5, 97.5])
-    return Interval(float(values.mean()), float(low), float(high))

@@ -11,7 +11,7 @@ from rows import repaired, results_of, rows, table_of
 from evaps.dsl import UserError
 from evaps.metrics import Results
 from evaps.report import BUDGETS, LEARNING, NOISE, REPORTS, SEARCHED, SIZES, report
-from evaps.report.curves import actions, complexity, learning, noise, sizes
+from evaps.report.curves import actions, candidates, complexity, learning, noise, seconds, sizes
 from evaps.report.figure import Figure, Line
 from evaps.report.repairs import edits, effects, rounds
 from evaps.report.summary import (
@@ -23,7 +23,7 @@ from evaps.report.summary import (
     summary_values,
 )
 from evaps.report.table import Table
-from evaps.report.tables import scale_note, table_1, table_2
+from evaps.report.tables import checked, differences, scale_note, table_1, table_2
 
 
 def test_table_1_has_means_deviations_and_the_papers_figures() -> None:
@@ -54,18 +54,56 @@ def test_a_difference_is_claimed_only_where_its_interval_says_so() -> None:
     assert "EVAPS against SED (one seed): better at generalization @1, +50.0 points" in notes
 
 
+def test_every_two_methods_are_compared_where_they_can_be() -> None:
+    made = [rows("lgrl", [4] * 9), rows("evaps", [0] * 9), rows("sed", [None] * 9), rows("naive", [0])]
+    table = differences(results_of(*made))
+    assert [row[:2] for row in table.rows] == [["EVAPS", "SED"], ["EVAPS", "LGRL"], ["SED", "LGRL"]]
+    always, never = "**+100.0 [+100.0, +100.0]**", "+0.0 [+0.0, +0.0]"
+    assert table.rows[1][2:] == [always, never, never, "1"]
+    assert table.rows[0][2:] == [always, always, always, "1"]
+    assert "9 intervals" in table.notes[-1]
+
+
+def test_as_many_candidates_are_looked_at_as_a_repairer_runs() -> None:
+    looked_at = rows("lgrl", [3] * 8)
+    for row in looked_at:
+        row["pairs_passed"] = 5 * (row["rank"] == 3)
+    note = checked(results_of(looked_at, rows("evaps", [None] * 8))).notes[-1]
+    assert "Of the first 6 candidates of LGRL" in note
+    assert "first of EVAPS (one seed): better, +100.0 points" in note
+
+
+def test_what_was_not_asked_for_is_left_out() -> None:
+    few = [row | {"top_k": 4} for row in rows("lgrl", [0, None]) if row["rank"] < 4]
+    results = results_of(few)
+    assert [f"{cell}" for cell in table_1(results).rows[0][-4:-1]] == ["50.0", "", ""]
+    (line,) = candidates(results).panels["all tasks"].values()
+    assert list(line.x) == [1, 2, 3, 4]
+    with pytest.raises(ValueError, match="not asked for 5 candidates"):
+        results.difference("lgrl", "lgrl", "exact", 5)
+
+
+def test_only_an_answer_that_passes_all_five_examples_is_one() -> None:
+    made = rows("lgrl", [0, 0])  # two programs that generalize, of which one fails in what could be checked
+    for row in made:
+        row["pairs_passed"] = 5 if row["task"] else 4
+    for figure in (actions(results_of(made)), seconds(results_of(made))):
+        (line,) = figure.panels["answers"].values()
+        assert line.y[-1] == 50
+
+
 def test_a_method_of_another_package_has_its_row() -> None:
     table = table_1(results_of(rows("lgrl", [0]), rows("mean", [None]), rows("verified", [0])))
     assert [row[0] for row in table.rows] == ["LGRL", "mean"]
 
 
 @pytest.mark.parametrize(
-    ("seeds", "said"), [(1, "nothing about training again"), (2, "few to draw from"), (5, "")]
+    ("seeds", "said"), [(1, "nothing about training again"), (2, "say little of how much"), (5, "")]
 )
 def test_a_note_says_what_so_many_seeds_are_good_for(seeds: int, said: str) -> None:
     note = scale_note(results_of(*(rows("lgrl", [0, None], seed) for seed in range(seeds))))
     assert said in note
-    assert ("nothing about training" in note, "few to draw from" in note) == (seeds == 1, seeds == 2)
+    assert ("nothing about training" in note, "say little of how much" in note) == (seeds == 1, seeds == 2)
     assert "repairers" not in note
     assert "repairers" in scale_note(results_of(repaired("naive", [[False, True]])))
 
@@ -166,6 +204,18 @@ def test_every_report_is_written_in_every_form(tmp_path: Path) -> None:
     assert {name: list(line.y) for name, line in mended.items()} == {"EVAPS": [25]}
 
 
+def test_trainings_of_one_method_share_its_colour_and_not_its_dashes(tmp_path: Path) -> None:
+    for method, seed in (("lgrl", 0), ("lgrl", 1), ("evaps", 0)):
+        (tmp_path / f"{method}-{seed}.jsonl").write_text('{"step": 99, "validation_loss": 1}\n')
+    figure = learning(tmp_path)
+    styles = figure.styles()
+    one, two, other = (styles[name] for name in ("LGRL, seed 0", "LGRL, seed 1", "EVAPS"))
+    assert one["color"] == two["color"] != other["color"]
+    assert one["linestyle"] != two["linestyle"]
+    (lines,) = figure.panels.values()
+    assert lines["EVAPS"].x == [100], "batches, and not the number of the last one"
+
+
 def test_noise_has_a_panel_for_each_share() -> None:
     figure = noise({0.2: results_of(rows("lgrl", [0, None])), 0.0: results_of(rows("lgrl", [0, 0]))})
     first = {title: lines["LGRL"].y[0] for title, lines in figure.panels.items()}
@@ -187,10 +237,11 @@ def test_sizes_has_a_point_for_each_number_of_tasks() -> None:
     few, many = results_of(rows("lgrl", [0, None])), results_of(rows("lgrl", [0, 3]), rows("evaps", [0, 0]))
     panels = sizes({100: few, 1000: many}).panels
     assert {name: (line.x, line.y) for name, line in panels["top-1"].items()} == {
-        "LGRL": ([100, 1000], [50, 50]),
-        "EVAPS": ([1000], [100]),
+        "LGRL": ([100, 1000], (50, 50)),
+        "EVAPS": ([1000], (100,)),
     }
-    assert panels["top-5"]["LGRL"].y == [50, 100]
+    assert panels["top-5"]["LGRL"].y == (50, 100)
+    assert panels["top-5"]["LGRL"].low == (0, 100)
 
 
 def test_rows_are_told_apart_by_a_column(tmp_path: Path) -> None:
@@ -226,7 +277,7 @@ def test_what_shows_nothing_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="holds nothing that rounds could show"):
         report("rounds", tmp_path, tmp_path / "out")
     names = {path.stem for path in report("all", tmp_path, tmp_path / "out")}
-    assert names == {*REPORTS} - {"rounds", "effects", "edits"}
+    assert names == {*REPORTS} - {"differences", "rounds", "effects", "edits"}
 
 
 def test_an_ablation_without_its_base_has_no_gains() -> None:
@@ -263,7 +314,7 @@ def test_what_noise_costs_is_told_on_the_same_tasks_and_in_the_same_precision(tm
         noise_costs(tmp_path)
     write(0.0, [0, 0])
     (line,) = noise_costs(tmp_path).splitlines()[2:]
-    assert line.startswith("| LGRL | 20 % | 2 | 50.0 (-50.0, [-100.0, +0.0]) |")
+    assert line.startswith("| LGRL | 20 % | 2 | 50.0 (-50.0 [-100.0, +0.0]) |")
     for share, ranks, precision in ((0.0, [0, 0], "bfloat16"), (0.0, [0, 0, 0], "float32")):
         write(share, ranks, precision)
         with pytest.raises(UserError, match="differ in tasks or in precision"):

@@ -14,11 +14,13 @@ from evaps.report import curves, repairs, tables
 from evaps.report.figure import Figure
 from evaps.report.table import Table
 from evaps.report.tables import scale_note
+from evaps.tasks.progress import track
 
 Item = Table | Figure
 REPORTS: dict[str, Callable[[Results], Item | list[Table]]] = {
     "table-1": tables.table_1,
     "table-2": tables.table_2,
+    "differences": tables.differences,
     "frames": tables.frames,
     "checked": tables.checked,
     "complexity": curves.complexity,
@@ -61,7 +63,8 @@ def report(name: str, rows: Path, out: Path) -> list[Path]:
         raise UserError(f"there is no report {name!r}; known are {', '.join((*known, 'all'))}")
     written = []
     read = cache(Results.read)  # once for all reports, and only for those that need them
-    for each in (*REPORTS, *_further(rows)) if name == "all" else (name,):
+    names = (*REPORTS, *_further(rows)) if name == "all" else (name,)
+    for each in track(names, len(names), "reports"):
         if _shows_something(made := _make(each, rows, read)):
             written += _write(each, made, out)
         elif name != "all":

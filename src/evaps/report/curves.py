@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
-from evaps.metrics import TOP, MethodResults, Results, bootstrap
+from evaps.bootstrap import bootstrap, bootstraps
+from evaps.metrics import TOP, MethodResults, Results
 from evaps.report.figure import Figure, Line
 from evaps.report.names import name_of
 from evaps.report.tables import scale_note
@@ -39,12 +40,18 @@ def complexity(results: Results) -> Figure:
             if all(chosen.any() for chosen in there):
                 shares = [
                     np.mean([100 * _right(run, k)[c].mean() for run, c in zip(runs, there, strict=True)])
-                    for k in range(1, MOST + 1)
+                    for k in _asked(runs)
                 ]
-                lines[name_of(method)] = Line(range(1, MOST + 1), shares)
+                lines[name_of(method)] = Line(_asked(runs), shares)
         panels[f"{name} steps"] = lines
-    notes = ["The paper shows its figure without numbers."]
+    notes = [f"{_tasks_by_steps(results)} The paper shows its figure without numbers."]
     return Figure(panels, "candidates", "generalization (%)", notes=notes)
+
+
+def _tasks_by_steps(results: Results) -> str:
+    steps = np.clip(next(results.each()).column("steps"), 2, 7) - 2
+    counts = np.bincount(steps, minlength=len(STEP_BUCKETS))
+    return f"Tasks of {', '.join(STEP_BUCKETS)} steps: {', '.join(map(str, counts))}."
 
 
 def candidates(results: Results) -> Figure:
@@ -55,13 +62,20 @@ def candidates(results: Results) -> Figure:
 def _bands(results: Results) -> dict[str, Line]:
     lines = {}
     for method, runs in results.by_method.items():
-        found = [
-            bootstrap(np.stack([100.0 * _right(run, k) for run in runs]), draws=BAND_DRAWS)
-            for k in range(1, MOST + 1)
-        ]
+        ks = _asked(runs)
+        found = bootstraps(np.array([_solved(runs, k) for k in ks]), draws=BAND_DRAWS)
         means, lows, highs = zip(*found, strict=True)
-        lines[name_of(method)] = Line(range(1, MOST + 1), means, lows, highs)
+        lines[name_of(method)] = Line(ks, means, lows, highs)
     return lines
+
+
+def _solved(runs: Sequence[MethodResults], k: int) -> Float[np.ndarray, "seed task"]:
+    return np.array([100.0 * _right(run, k) for run in runs])
+
+
+def _asked(runs: Sequence[MethodResults]) -> range:
+    """The numbers of candidates that can be looked at."""
+    return range(1, int(min(MOST, *(run.asked for run in runs))) + 1)
 
 
 def _right(run: MethodResults, k: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -91,27 +105,40 @@ def sizes(by_tasks: Mapping[float, Results]) -> Figure:
     """
     panels: dict[str, dict[str, Line]] = {f"top-{k}": {} for k in TOP}
     for method in dict.fromkeys(m for results in by_tasks.values() for m in results.methods):
-        there = {tasks: results for tasks, results in by_tasks.items() if method in results.methods}
+        there = {tasks: r.by_method[method] for tasks, r in by_tasks.items() if method in r.methods}
         for k in TOP:
-            means = [float(r.top(method, "generalization_state", k).mean()) for r in there.values()]
-            panels[f"top-{k}"][name_of(method)] = Line(list(there), means)
-    return Figure(panels, "tasks in the data set", "generalization (%)", log=True)
+            found = [bootstrap(_solved(runs, k), draws=BAND_DRAWS) for runs in there.values()]
+            means, lows, highs = zip(*found, strict=True)
+            panels[f"top-{k}"][name_of(method)] = Line(list(there), means, lows, highs)
+    notes = [f"70 % of these tasks are trained on; 95 % intervals. {_machines(*by_tasks.values())}"]
+    return Figure(panels, "tasks in the data set", "generalization (%)", log=True, notes=notes)
+
+
+CHARGED = (
+    "Who proposes candidates is charged for all of them and their repairs, a search until it ends; draws "
+    "from the prior are twenty programs, blind search goes on drawing."
+)
 
 
 def actions(results: Results) -> Figure:
     """How many tasks have an answer that passes and generalizes, against the actions that were simulated."""
-    return _budget(results, "simulated_actions", np.geomspace(10, 10_000, 25), "simulated actions")
+    limits = np.geomspace(10, 10_000, 25)
+    return _budget(results, "simulated_actions", limits, "simulated actions", [CHARGED])
 
 
 def seconds(results: Results) -> Figure:
     """How many tasks have an answer that passes and generalizes, against the seconds that it took."""
-    machines = {str(row.get("machine")) for run in results.each() for row in run.answers()}
-    notes = [f"Judged on {len(machines)} kinds of machines: seconds do not compare."] * (len(machines) > 1)
-    return replace(_budget(results, "seconds", np.geomspace(0.1, 100, 25), "seconds"), notes=notes)
+    notes = [CHARGED, f"{_machines(results)} Seconds of different ones do not compare."]
+    return _budget(results, "seconds", np.geomspace(0.1, 100, 25), "seconds", notes)
+
+
+def _machines(*each: Results) -> str:
+    machines = {str(run.fact("machine")) for results in each for run in results.each()}
+    return f"Judged on: {'; '.join(sorted(machines))}."
 
 
 def _budget(
-    results: Results, key: str, limits: np.ndarray[tuple[int], np.dtype[np.float64]], name: str
+    results: Results, key: str, limits: Float[np.ndarray, " limit"], name: str, notes: Sequence[str]
 ) -> Figure:
     lines = {}
     for method in results.methods:
@@ -120,7 +147,7 @@ def _budget(
         cost = np.array([r[key] for r in answers])
         shares = [100 * float((right & (cost <= limit)).mean()) for limit in limits]
         lines[name_of(method)] = Line(limits.tolist(), shares)
-    return Figure({"answers": lines}, name, "answers that generalize (%)", log=True)
+    return Figure({"answers": lines}, name, "answers that generalize (%)", log=True, notes=notes)
 
 
 def learning(folder: Path) -> Figure:
@@ -135,13 +162,15 @@ def learning(folder: Path) -> Figure:
     for path in files:
         method, _, seed = path.stem.rpartition("-")
         rows = [json.loads(line) for line in read_text(path).splitlines()]
-        label = name_of(method) + (f", seed {seed}" if trainings[method] > 1 else "")
+        name = name_of(method)
+        label = name + (f", seed {seed}" if trainings[method] > 1 else "")
         for title, key, factor in LEARNED:
             if found := [row for row in rows if key in row and _belongs(row, key)]:
-                steps = [row["step"] for row in found]
-                panels[title][label] = Line(steps, [factor * row[key] for row in found])
+                batches = [row["step"] + 1 for row in found]
+                panels[title][label] = Line(batches, [factor * row[key] for row in found], of=name)
     there = {title: lines for title, lines in panels.items() if lines}
-    return Figure(there, "batches", "validation", share_y=False)
+    notes = ["A line is one training; only those are here whose curve was kept."]
+    return Figure(there, "batches", "validation", share_y=False, notes=notes)
 
 
 def _belongs(row: Mapping[str, float], key: str) -> bool:

@@ -24,12 +24,14 @@ class Line:
         y: the values.
         low: the lower end of each value's interval; none if empty.
         high: the upper end.
+        of: lines of one thing have one colour, and different dashes; by default each is of its own.
     """
 
     x: Sequence[float]
     y: Sequence[float]
     low: Sequence[float] = ()
     high: Sequence[float] = ()
+    of: str = ""
 
     def points(self) -> Iterator[tuple[float, ...]]:
         """Where, the value, and the ends of its interval if there is one."""
@@ -64,10 +66,15 @@ class Figure:
     share_y: bool = True
     notes: Sequence[str] = ()
 
-    @property
-    def names(self) -> list[str]:
-        """Of the lines of all panels; a line has the same colour in each."""
-        return list(dict.fromkeys(name for lines in self.panels.values() for name in lines))
+    def styles(self) -> dict[str, dict[str, Any]]:
+        """Colour and dashes of each line, by its name; a line has the same ones in all panels."""
+        named = {name: line.of or name for lines in self.panels.values() for name, line in lines.items()}
+        groups = list(dict.fromkeys(named.values()))
+        styles = {}
+        for name, group in named.items():
+            members = [other for other in named if named[other] == group]
+            styles[name] = _style(groups.index(group), members.index(name))
+        return styles
 
     def tables(self) -> list[Table]:
         """A table for each panel: some of its points, the first and the last among them."""
@@ -78,7 +85,7 @@ class Figure:
             at = [every[i] for i in np.unique(np.linspace(0, len(every) - 1, COLUMNS).round().astype(int))]
             rows = [[name, *(line.at(x) for x in at)] for name, line in lines.items()]
             last = title == list(shown)[-1]
-            head = [self.x, *(f"{x:.4g}" for x in at)]
+            head = [self.x, *(f"{x:,.0f}" if x >= 1_000 else f"{x:.4g}" for x in at)]
             tables.append(Table(f"{self.y}, {title}", head, rows, self.notes if last else ()))
         return tables
 
@@ -107,17 +114,18 @@ class Figure:
 
         columns = 2 if len(self.panels) == 4 else min(3, len(self.panels))
         rows = -(-len(self.panels) // columns)
-        names = self.names
+        styles = self.styles()
+        names = list(styles)
         beside = min(columns + 1, len(names))
         height = 0.4 + 2.6 * rows + 0.2 * -(-len(names) // beside)  # with the legend's lines
         with matplotlib.rc_context({"svg.hashsalt": "evaps", "font.size": 9}):
             canvas = Canvas(figsize=(max(6.4, 1.5 + 3.4 * columns), height), layout="constrained")
             axes = canvas.subplots(rows, columns, sharex=True, sharey=self.share_y, squeeze=False).ravel()
             for ax, (title, lines) in zip(axes, self.panels.items(), strict=False):
-                self._panel(ax, title, lines)
+                self._panel(ax, title, lines, styles)
             for ax in axes[len(self.panels) :]:
                 ax.set_visible(False)
-            keys = [Line2D([], [], marker=".", **_style(i)) for i in range(len(names))]  # bands have none
+            keys = [Line2D([], [], marker=".", **styles[name]) for name in names]  # bands have none
             canvas.legend(keys, names, loc="outside lower center", ncols=beside, frameon=False)
             png, svg = io.BytesIO(), io.BytesIO()
             canvas.savefig(png, format="png", dpi=160)
@@ -125,9 +133,11 @@ class Figure:
             canvas.savefig(svg, format="svg", metadata={"Date": None})
         return {"png": png.getvalue(), "svg": svg.getvalue()}
 
-    def _panel(self, ax: Any, title: str, lines: Mapping[str, Line]) -> None:
+    def _panel(
+        self, ax: Any, title: str, lines: Mapping[str, Line], styles: Mapping[str, dict[str, Any]]
+    ) -> None:
         for name, line in lines.items():
-            style = _style(self.names.index(name))
+            style = styles[name]
             ax.plot(line.x, line.y, marker=".", linewidth=1.2, markersize=4, **style)
             if len(line.low):
                 ax.fill_between(line.x, line.low, line.high, color=style["color"], alpha=0.15, linewidth=0)
@@ -142,6 +152,9 @@ class Figure:
             ax.xaxis.get_major_locator().set_params(integer=True)  # candidates, rounds, batches
 
 
-def _style(index: int) -> dict[str, Any]:
-    """Colour and dashes of a line; there are ten colours, so the next ten lines are dashed."""
-    return {"color": f"C{index % 10}", "linestyle": "-" if index < 10 else "--"}
+def _style(group: int, member: int) -> dict[str, Any]:
+    """There are twenty colours, ten of them lighter, and of each colour four kinds of dashes."""
+    import matplotlib
+
+    color = matplotlib.colormaps["tab20"](2 * group % 20 + group // 10 % 2)
+    return {"color": color, "linestyle": ("-", "--", ":", "-.")[member % 4]}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from evaps.metrics import TOP, MethodResults, Results, Row
 from evaps.report.figure import Figure, Line
 from evaps.report.names import name_of
 from evaps.report.table import Table
+from evaps.report.tables import scale_note
 
 MOST_EDITS = 25
 
@@ -34,7 +36,7 @@ def rounds(results: Results) -> Figure:
 def _after(run: MethodResults, rounds: int, k: int) -> float:
     """The share of tasks, in %, on which one of the first ``k`` candidates generalizes after some rounds."""
     right = [
-        any(r["attempts"][min(rounds, r["rounds"])]["generalization_state"] for r in run.rows[t][:k])
+        any(r["attempts"][min(rounds, r["rounds"])]["generalization_state"] for r in run.first(t, k))
         for t in run.tasks
     ]
     return 100 * float(np.mean(right))
@@ -56,26 +58,30 @@ def effects(results: Results) -> Table:
     ]
     rows = []
     for method in repairers(results):
-        pairs = [(row["attempts"][0], row["attempts"][-1]) for row in candidates(results, method)]
+        pairs = [(row["attempts"][0], row["attempts"][-1]) for row in rows_of(results, method)]
         right = Counter((a["generalization_state"], b["generalization_state"]) for a, b in pairs)
         untouched = sum(a["program"] == b["program"] for a, b in pairs)
         counts = [right[False, True], right[True, False], right[True, True], right[False, False], untouched]
         shares = [f"{100 * n / len(pairs):.2f} %" for n in counts]
         rows.append([name_of(method), f"{len(pairs):,}", *shares])
-    notes = ["A candidate that passes all five examples is not repaired, and is among the untouched."]
+    notes = [
+        "A candidate that passes all five examples is not repaired, and is among the untouched.",
+        scale_note(results),
+    ]
     return Table("What repair fixes and what it breaks", head, rows, notes)
 
 
 def edits(results: Results) -> list[Table]:
     """For each repairer what was written in the place of what, by kinds of tokens and by tokens."""
-    return [table for method in repairers(results) for table in _edits(results, method)]
+    made = [table for method in repairers(results) for table in _edits(results, method)]
+    return [*made[:-1], *(replace(table, notes=[scale_note(results)]) for table in made[-1:])]
 
 
 def _edits(results: Results, method: str) -> Iterator[Table]:
     kinds: Counter[tuple[str, str]] = Counter()
     tokens: Counter[tuple[str, str]] = Counter()
     fixed: Counter[tuple[str, str]] = Counter()
-    for row in candidates(results, method):
+    for row in rows_of(results, method):
         first, last = row["attempts"][0], row["attempts"][-1]
         if first["program"] == last["program"]:
             continue
@@ -115,11 +121,11 @@ def _share(part: int, of: int) -> str:
 def repairers(results: Results) -> list[str]:
     """The methods of which some candidate was repaired."""
     return [
-        m for m in results.methods if any(row["rounds"] and row["attempts"] for row in candidates(results, m))
+        m for m in results.methods if any(row["rounds"] and row["attempts"] for row in rows_of(results, m))
     ]
 
 
-def candidates(results: Results, method: str) -> Iterator[Row]:
+def rows_of(results: Results, method: str) -> Iterator[Row]:
     """All rows of a method."""
     for run in results.by_method[method]:
         yield from run.each()

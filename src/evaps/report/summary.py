@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
+from evaps.bootstrap import bootstrap
 from evaps.dsl import UserError
-from evaps.metrics import METRICS, TITLES, TOP, MethodResults, Results, Row, bootstrap
+from evaps.metrics import METRICS, TITLES, TOP, MethodResults, Results, Row
 from evaps.report.names import name_of
 from evaps.report.paper import GENERALIZATION
 from evaps.report.table import markdown_cells
@@ -35,12 +37,17 @@ def summary_table(rows: Path, beside_paper: bool = False) -> str:
     table = []
     for method, runs in results.by_method.items():
         cells = [name_of(method), *[str(len(runs))] * several]
-        cells += [" / ".join(f"{results.top(method, m, k).mean():.1f}" for k in TOP) for m in METRICS]
+        cells += [" / ".join(_mean(results.top(method, m, k)) for k in TOP) for m in METRICS]
         if beside_paper:
             cells.append(" / ".join(f"{share:.1f}" for share in GENERALIZATION.get(method, ())))
         answered, seconds, actions = _answers_and_costs(runs)
         table.append([*cells, f"{100 * answered:.1f}", f"{seconds:.2f}", f"{actions:.0f}"])
     return markdown_cells(head, table)
+
+
+def _mean(values: Float[np.ndarray, " seed"]) -> str:
+    """A dash where there were not so many candidates."""
+    return "-" if np.isnan(values).any() else f"{values.mean():.1f}"
 
 
 def _answers_and_costs(runs: Sequence[MethodResults]) -> tuple[float, float, float]:
@@ -54,14 +61,18 @@ def _answers_and_costs(runs: Sequence[MethodResults]) -> tuple[float, float, flo
 
 
 def summary_values(rows: Path) -> list[dict[str, Any]]:
-    """The same as `summary_table` as JSON values: shares from 0 to 1, and means a task."""
+    """The same as `summary_table` as JSON values: shares from 0 to 1, and means a task.
+
+    A share among more candidates than were asked for is None.
+    """
     results = Results.read(rows)
     found = []
     for method, runs in results.by_method.items():
         values: dict[str, Any] = {"method": method, "tasks": len(runs[0].tasks), "seeds": len(runs)}
         for metric in METRICS:
             for k in TOP:
-                values[f"{TITLES[metric]}@{k}"] = float(results.top(method, metric, k).mean()) / 100
+                share = float(results.top(method, metric, k).mean()) / 100
+                values[f"{TITLES[metric]}@{k}"] = None if np.isnan(share) else share
         values |= zip(("answer", "seconds", "simulated_actions"), _answers_and_costs(runs), strict=True)
         found.append(values)
     return found
@@ -147,7 +158,7 @@ def _change(before: MethodResults, after: MethodResults, k: int) -> str:
     """How many of the tasks it solves among ``k`` candidates, and how many points more or less that is."""
     was, now = (100.0 * run.matches("generalization_state", k) for run in (before, after))
     gain = bootstrap((now - was)[None])
-    return f"{now.mean():.1f} ({gain.mean:+.1f}, [{gain.low:+.1f}, {gain.high:+.1f}])"
+    return f"{now.mean():.1f} ({gain})"
 
 
 def steps_table(rows: Path, method: str) -> str:
