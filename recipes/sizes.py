@@ -47,7 +47,13 @@ class Sizes:
 
 
 def make_rows(plan: Plan, tasks: int, method: str) -> None:
-    """Rows of a method that is trained on so many tasks."""
+    """Rows of a method that is trained on so many tasks, if they are not there."""
+    path = rows_of(plan, method, str(tasks))
+    if path.exists():
+        return
+    make_data(plan)
+    for name in SHARED:
+        make_checkpoint(plan, 0, name)
     data, runs = plan.root / "data" / f"{plan.scale}-{tasks}", Path(f"{plan.runs(0)}-{tasks}")
     generate(data, tasks, DATA_SEED, Workers(plan.workers))
     for name in with_what_is_needed((method,)):
@@ -55,7 +61,7 @@ def make_rows(plan: Plan, tasks: int, method: str) -> None:
             take(plan.runs(0) / name, runs / name)
         elif not (runs / name / "config.json").exists():
             train(name, data, runs, plan.scale, 0, Workers(plan.workers))
-    judge(plan, runs, (method,), rows_of(plan, method, str(tasks)))
+    judge(plan, runs, (method,), path)
 
 
 def rows_of(plan: Plan, method: str, tasks: str) -> Path:
@@ -66,14 +72,15 @@ def rows_of(plan: Plan, method: str, tasks: str) -> Path:
 def main(sizes: Sizes) -> None:
     """Everything, going on where it was interrupted, and the figure."""
     plan = sizes.plan
-    make_data(plan)
-    for name in with_what_is_needed(sizes.methods):
-        make_checkpoint(plan, 0, name)
     for method in sizes.methods:
         for tasks in sizes.sizes:
             make_rows(plan, tasks, method)
         whole = rows_path(plan, 0, method)
-        judge(plan, plan.runs(0), (method,), whole)
+        if not whole.exists():
+            make_data(plan)
+            for name in with_what_is_needed((method,)):
+                make_checkpoint(plan, 0, name)
+            judge(plan, plan.runs(0), (method,), whole)
         shutil.copy(whole, rows_of(plan, method, "all"))
     report(SIZES, plan.results / "methods", plan.results / "report")
 

@@ -328,6 +328,22 @@ def test_an_evaluation_on_ray_is_the_same(data: Path, model: Path, tmp_path: Pat
     assert one == two
 
 
+def test_what_was_judged_is_not_judged_again_and_never_emptied(
+    data: Path, model: Path, tmp_path: Path
+) -> None:
+    def rows_of(methods: tuple[str, ...], top_k: int) -> bytes:
+        return evaluate(
+            data, tmp_path / "rows.parquet", str(model), methods, tasks=1, top_k=top_k, workers=Workers(0)
+        ).read_bytes()
+
+    made = rows_of(("lgrl",), 2)
+    assert rows_of(("lgrl",), 2) == made, "with the same seconds"
+    with pytest.raises(UserError, match="no method to judge"):
+        rows_of((), 2)
+    assert (tmp_path / "rows.parquet").read_bytes() == made
+    assert rows_of(("lgrl",), 3) != made
+
+
 def test_a_synthesizer_is_judged_without_a_repairer(data: Path, model: Path, tmp_path: Path) -> None:
     alone = tmp_path / "alone"
     alone.mkdir()

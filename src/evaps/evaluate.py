@@ -6,7 +6,7 @@ import math
 import os
 import platform
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -226,6 +226,8 @@ def evaluate(
 ) -> Path:
     """Judge methods on the first tasks of a split, or go on where it was interrupted.
 
+    A file that has these rows already, of the same code, data and weights, stays as it is.
+
     Args:
         data: folder of a data set.
         out: the file of rows to write, one for each method, task and rank.
@@ -256,6 +258,8 @@ def evaluate(
         raise UserError(f"the data set has no task in the split {split!r}; generate a larger one")
     setting = Setting(split, noise, actions, top_k, rounds)
     facts = {method: _facts(model, method, dataset, setting) for method in methods}
+    if _are_there(out, facts, [dataset.rows[position]["index"] for position in positions]):
+        return out
     folder = out.with_suffix(f".parts-{short_hash([dataset.identity, facts, positions])}")
     parts = [
         EvaluationPart(part, model, facts, setting) for part in task_parts(folder, dataset, positions, PART)
@@ -269,3 +273,17 @@ def evaluate(
     write_atomically(out, table_bytes(table))
     shutil.rmtree(folder)
     return out
+
+
+def _are_there(path: Path, facts: Mapping[str, Mapping[str, Any]], tasks: Sequence[int]) -> bool:
+    """Whether a file has rows of just these methods and tasks that say the same of their making."""
+    if not path.exists():
+        return False
+    table = read_table(path)
+    keys = [key for key in SCHEMA.names if key in next(iter(facts.values()))]
+    if not {*keys, "task"} <= set(table.column_names):
+        return False
+    wanted = pa.Table.from_pylist([dict(made) for made in facts.values()], SCHEMA).select(keys).to_pylist()
+    there = table.group_by(keys).aggregate([]).select(keys).to_pylist()
+    same_tasks = set(table["task"].unique().to_pylist()) == set(tasks)
+    return same_tasks and sorted(there, key=str) == sorted(wanted, key=str)

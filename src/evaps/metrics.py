@@ -321,6 +321,8 @@ def _read(file: Path) -> pa.Table:
 
 
 def _files(path: Path) -> list[Path]:
+    if path.is_file() and path.suffix != ".parquet":
+        raise UserError(f"{path} is no file of rows; those of evaps evaluate end in .parquet")
     files = sorted(path.glob("*.parquet")) if path.is_dir() else [path]
     if not files or not files[0].exists():
         raise UserError(f"{path} holds no rows; make some with: evaps evaluate --out {path}/NAME.parquet")

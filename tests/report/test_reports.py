@@ -58,7 +58,7 @@ def test_every_two_methods_are_compared_where_they_can_be() -> None:
     made = [rows("lgrl", [4] * 9), rows("evaps", [0] * 9), rows("sed", [None] * 9), rows("naive", [0])]
     table = differences(results_of(*made))
     assert [row[:2] for row in table.rows] == [["EVAPS", "SED"], ["EVAPS", "LGRL"], ["SED", "LGRL"]]
-    always, never = "**+100.0 [+100.0, +100.0]**", "+0.0 [+0.0, +0.0]"
+    always, never = "+100.0 [+100.0, +100.0] *", "+0.0 [+0.0, +0.0]"
     assert table.rows[1][2:] == [always, never, never, "1"]
     assert table.rows[0][2:] == [always, always, always, "1"]
     assert "9 intervals" in table.notes[-1]
@@ -267,6 +267,9 @@ def test_what_is_no_file_of_rows_is_one_line(tmp_path: Path) -> None:
     (file := tmp_path / "rows.parquet").write_bytes(b"no parquet")
     with pytest.raises(UserError, match=r"rows.parquet is damaged"):
         report("table-1", file, tmp_path / "out")
+    (text := tmp_path / "README.md").write_text("no rows")
+    with pytest.raises(UserError, match=r"README.md is no file of rows"):
+        report("table-1", text, tmp_path / "out")
     pq.write_table(pa.table({"x": [1]}), file)
     with pytest.raises(UserError, match=r"holds no rows of evaps evaluate: it has no column 'exact'"):
         report("table-1", file, tmp_path / "out")

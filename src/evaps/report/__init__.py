@@ -93,6 +93,8 @@ def _make(name: str, rows: Path, read: Callable[..., Results]) -> Item | list[Ta
             raise UserError(f"{rows / FURTHER[SIZES]} is missing; make it with: python -m recipes.sizes")
         return curves.sizes(Results.by_column(rows / FURTHER[SIZES], "trained_on"))
     if name == NOISE:
+        if NOISE not in _further(rows):
+            raise UserError(f"{rows / FURTHER[NOISE]} holds no rows; make them with: python -m recipes.paper")
         return curves.noise(Results.by_column(rows / FURTHER[NOISE], "noise"))
     searches = [rows / SEARCHED] if name in BUDGETS and any((rows / SEARCHED).glob("*.parquet")) else []
     shown = read(rows, *searches)

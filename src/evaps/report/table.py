@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -33,10 +34,10 @@ class Table:
         return "\n\n".join([f"**{number}{self.title}**", cells, *self.notes]) + "\n"
 
     def latex(self) -> str:
-        """A ``table`` environment that needs the package booktabs."""
+        """A ``table`` environment that needs the package booktabs; the notes stand below the rows."""
         lines = [
             r"\begin{table}",
-            rf"\caption{{{_escaped(' '.join([self.title + '.', *self.notes]))}}}",
+            rf"\caption{{{_escaped(self.title)}}}",
             rf"\begin{{tabular}}{{l{'r' * (len(self.head) - 1)}}}",
             r"\toprule",
             *(" & ".join(map(_escaped, row)) + r" \\" for row in [self.head]),
@@ -44,6 +45,7 @@ class Table:
             *(" & ".join(map(_escaped, row)) + r" \\" for row in self.rows),
             r"\bottomrule",
             r"\end{tabular}",
+            *(rf"\par\smallskip\footnotesize {_escaped(note)}" for note in self.notes),
             r"\end{table}",
         ]
         return "\n".join(lines) + "\n"
@@ -64,4 +66,5 @@ def markdown_cells(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def _escaped(text: str) -> str:
     for sign in "&%_#$":
         text = text.replace(sign, "\\" + sign)
+    text = re.sub(r"`([^`]*)`", r"\\texttt{\1}", text)
     return text.replace("±", r"$\pm$").replace("−", "--")

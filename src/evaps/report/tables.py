@@ -87,11 +87,11 @@ def differences(results: Results) -> Table:
         except ValueError:  # not judged on the same tasks with the same seeds
             continue
         seeds = len(results.shared_seeds(one, other))
-        cells = [f"**{interval}**" if interval.certain else str(interval) for interval in found]
+        cells = [f"{interval} *" if interval.certain else str(interval) for interval in found]
         rows.append([name_of(one), name_of(other), *cells, str(seeds)])
     head = ["method", "against", *(f"@{k}" for k in TOP), "seeds"]
     chance = (
-        f"{len(TOP) * len(rows)} intervals of 95 % are shown, those that leave out zero in bold: "
+        f"{len(TOP) * len(rows)} intervals of 95 % are shown, those that leave out zero with a star: "
         "where nothing differs one in twenty does, too."
     )
     title = "Differences in generalization, in points"
