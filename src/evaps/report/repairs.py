@@ -7,39 +7,56 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Bool
 
+from evaps.bootstrap import bootstrap, bootstraps
 from evaps.dsl import token_type
 from evaps.dsl.alignment import align
 from evaps.metrics import TOP, MethodResults, Results, Row
 from evaps.report.figure import Figure, Line
 from evaps.report.names import name_of
 from evaps.report.table import Table
-from evaps.report.tables import scale_note
+from evaps.report.tables import said, scale_note, seeds_of
 
 MOST_EDITS = 25
+NAIVE = "naive"
+"""Who repairs without seeing what happened."""
 
 
 def rounds(results: Results) -> Figure:
-    """Generalization against the rounds of repair, averaged over seeds."""
-    panels = {}
-    for k in TOP:
-        lines = {}
-        for method in repairers(results):
-            runs = results.by_method[method]
-            most = max(row["rounds"] for run in runs for row in run.each())
-            shares = [float(np.mean([_after(run, n, k) for run in runs])) for n in range(most + 1)]
-            lines[name_of(method)] = Line(range(most + 1), shares)
-        panels[f"top-{k}"] = lines
-    return Figure(panels, "rounds of repair", "generalization (%)")
+    """Generalization against the rounds of repair, with 95 % intervals."""
+    panels: dict[str, dict[str, Line]] = {f"top-{k}": {} for k in TOP}
+    for method in repairers(results):
+        runs = results.by_method[method]
+        each = range(max(row["rounds"] for run in runs for row in run.each()) + 1)
+        for k in TOP:
+            found = bootstraps(np.array([[100.0 * _after(run, n, k) for run in runs] for n in each]))
+            means, lows, highs = zip(*found, strict=True)
+            panels[f"top-{k}"][name_of(method)] = Line(each, means, lows, highs)
+    notes = list(_ahead_after(1, results)) if NAIVE in results.methods else []
+    return Figure(panels, "rounds of repair", "generalization (%)", notes=notes)
 
 
-def _after(run: MethodResults, rounds: int, k: int) -> float:
-    """The share of tasks, in %, on which one of the first ``k`` candidates generalizes after some rounds."""
+def _after(run: MethodResults, rounds: int, k: int) -> Bool[np.ndarray, " task"]:
+    """For each task whether one of the first ``k`` candidates generalizes after some rounds."""
     right = [
         any(r["attempts"][min(rounds, r["rounds"])]["generalization_state"] for r in run.first(t, k))
         for t in run.tasks
     ]
-    return 100 * float(np.mean(right))
+    return np.array(right)
+
+
+def _ahead_after(rounds: int, results: Results) -> Iterator[str]:
+    """What is gained by seeing what happened, when each candidate was repaired so often."""
+    for method in repairers(results):
+        if method == NAIVE or not results.shared_seeds(method, NAIVE):
+            continue
+        try:
+            gains = results.gains(method, NAIVE, lambda run: _after(run, rounds, 1))
+        except ValueError:  # not judged on the same tasks
+            continue
+        names = f"{name_of(method)} against {name_of(NAIVE)} ({seeds_of(results, method, NAIVE)})"
+        yield f"{names}, after {rounds} round of repair: {said(bootstrap(gains), ' at generalization @1')}."
 
 
 def effects(results: Results) -> Table:

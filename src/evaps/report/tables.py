@@ -126,7 +126,7 @@ def _as_many_looked_at(results: Results) -> Iterator[str]:
             continue
         yield (
             f"Of the first {few} candidates of {name_of(BEFORE)} the one that passes most, against the first "
-            f"of {name_of(method)} ({_seeds(results, BEFORE, method)}): {_said(bootstrap(gains))}."
+            f"of {name_of(method)} ({seeds_of(results, BEFORE, method)}): {said(bootstrap(gains))}."
         )
 
 
@@ -173,17 +173,24 @@ def sentences(
             found = results.differences(better, other, GOAL, ks)
         except ValueError:  # not judged on the same tasks with the same seeds
             continue
-        said = [_said(interval, f" at generalization @{k}") for k, interval in zip(ks, found, strict=True)]
-        seeds = _seeds(results, better, other)
-        yield f"{name_of(better)} against {name_of(other)} ({seeds}): {'; '.join(said)}."
+        each = [said(interval, f" at generalization @{k}") for k, interval in zip(ks, found, strict=True)]
+        seeds = seeds_of(results, better, other)
+        yield f"{name_of(better)} against {name_of(other)} ({seeds}): {'; '.join(each)}."
 
 
-def _seeds(results: Results, one: str, other: str) -> str:
+def seeds_of(results: Results, one: str, other: str) -> str:
+    """How many seeds two methods are compared on."""
     shared = len(results.shared_seeds(one, other))
     return "one seed" if shared == 1 else f"{shared} seeds"
 
 
-def _said(found: Interval, at: str = "") -> str:
+def said(found: Interval, at: str = "") -> str:
+    """What may be said of a difference in points: it is claimed only where the interval leaves out zero.
+
+    Args:
+        found: the difference.
+        at: at what.
+    """
     verdict = "not certainly different"
     if found.certain:
         verdict = "better" if found.mean > 0 else "worse"
