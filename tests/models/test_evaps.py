@@ -180,10 +180,11 @@ def test_it_can_learn_32_repairs_by_heart(edits: EditMode, flags: dict[str, bool
     targets = [p for _, p in pairs]
     wrong = [execution(w, rng) for w, _ in pairs]
     net = Evaps(EvapsConfig(feature=32, pair=64, hidden=64, dropout=0.0, edits=edits, **flags))
+    batch = net.batch(wrong, targets, table.device)
     optimizer = torch.optim.Adam(net.parameters(), lr=2e-3)
     for _ in range(STEPS):
         optimizer.zero_grad()
-        net.loss(wrong, targets, table).backward()
+        net.batch_loss(batch, table).backward()
         torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
         optimizer.step()
     repaired = net.eval().repair(wrong, table, [{e.program} for e in wrong])

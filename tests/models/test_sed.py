@@ -89,10 +89,11 @@ def test_it_can_learn_32_repairs_by_heart() -> None:
     targets = [sample_program(rng) for _ in range(32)]
     wrong = [execution(mutate(p, rng), rng) for p in targets]
     net = SED(SEDConfig(feature=32, pair=64, hidden=64, dropout=0.0))
+    batch = net.batch(wrong, targets, table.device)
     optimizer = torch.optim.Adam(net.parameters(), lr=3e-3)
     for _ in range(120):
         optimizer.zero_grad()
-        net.loss(wrong, targets, table).backward()
+        net.batch_loss(batch, table).backward()
         torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
         optimizer.step()
     repaired = net.eval().repair(wrong, table, [{e.program} for e in wrong])
