@@ -62,8 +62,8 @@ WITHOUT = (
 def make_rows() -> None:
     """`evaps evaluate --methods verified`, with one part left out, and with noise: 15 minutes each.
 
-    Then blind search with the same budget (a quarter of an hour), a guide of less data, and a larger budget: what is
-    worth more?
+    Then blind search with the same budget (a quarter of an hour), a guide of less data, and a larger budget:
+    what is worth more?
     """
     runs, verified = PLAN.runs(0), ("verified",)
     judge(PLAN, runs, verified, ROWS)
