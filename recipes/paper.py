@@ -1,14 +1,14 @@
 """The paper's evaluation: data, trainings, rows, tables and figures, at one of four scales.
 
-    python -m recipes.paper                        # small: all methods, one seed; goes on where it was
-    python -m recipes.paper --seeds 0 1 2          # with deviations over seeds
+    python -m recipes.paper                        # small: all methods, three seeds; goes on where it was
+    python -m recipes.paper --seeds 0              # one seed of them
     python -m recipes.paper --methods lgrl evaps   # some of the methods
-    python -m recipes.paper --retrain              # not from the shipped checkpoints
+    python -m recipes.paper --retrain              # all of it anew, in results/small-retrained
     python -m recipes.paper --ship                 # and put LGRL's and EVAPS's in their place
 
-`make paper SCALE=small` is the first of these. Rows that came with the checkout are not made again; with
---retrain all are. On two cores without a graphics card small takes 8 to 20
-minutes for the data, 7 to 75 for each training, and 5 to 40 for each method's 1,000 test tasks.
+`make paper SCALE=small` is the first of these. Rows that came with the checkout are not made again. On two
+cores without a graphics card small takes 8 to 20 minutes for the data, 7 to 75 for each training, and 5 to 40
+for each method's 1,000 test tasks.
 """
 
 from __future__ import annotations

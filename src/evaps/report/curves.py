@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from evaps.bootstrap import bootstrap, bootstraps
 from evaps.metrics import TOP, MethodResults, Results
@@ -36,7 +36,7 @@ def complexity(results: Results) -> Figure:
     for bucket, name in enumerate(STEP_BUCKETS):
         lines = {}
         for method, runs in results.by_method.items():
-            there = [np.clip(run.column("steps"), 2, 7) - 2 == bucket for run in runs]
+            there = [_buckets(run) == bucket for run in runs]
             if all(chosen.any() for chosen in there):
                 shares = [
                     np.mean([100 * _right(run, k)[c].mean() for run, c in zip(runs, there, strict=True)])
@@ -48,9 +48,13 @@ def complexity(results: Results) -> Figure:
     return Figure(panels, "candidates", "generalization (%)", notes=notes)
 
 
+def _buckets(run: MethodResults) -> Int[np.ndarray, " task"]:
+    """For each task the place of its number of steps in STEP_BUCKETS."""
+    return np.clip(run.column("steps"), 2, 7) - 2
+
+
 def _tasks_by_steps(results: Results) -> str:
-    steps = np.clip(next(results.each()).column("steps"), 2, 7) - 2
-    counts = np.bincount(steps, minlength=len(STEP_BUCKETS))
+    counts = np.bincount(_buckets(next(results.each())), minlength=len(STEP_BUCKETS))
     return f"Tasks of {', '.join(STEP_BUCKETS)} steps: {', '.join(map(str, counts))}."
 
 
