@@ -31,7 +31,7 @@ from evaps.models import METHODS, PROPOSER, SHIPPED, needed_for
 from evaps.models.checkpoint import hash_of
 from evaps.report import report
 from evaps.report.summary import noise_costs, summary_table
-from evaps.report.tables import scale_note, sentences
+from evaps.report.wording import scale_note, sentences
 from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
 from evaps.tasks.dataset import Dataset

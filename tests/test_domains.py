@@ -189,7 +189,9 @@ def test_a_task_is_made_learned_from_and_solved(shell: Shell, tmp_path: Path) ->
     assert [(row["method"], row["tasks"]) for row in again] == [("lgrl", 2), ("evaps", 2)]
     assert all(0 <= row["generalization@1"] <= row["generalization@20"] <= 1 for row in again)
     reported = json.loads(shell("report", "table-1", "--rows", rows, "--out", tmp_path / "report", "--json"))
-    assert [Path(file).name for file in reported["files"]] == ["table-1.md", "table-1.tex", "table-1.csv"]
+    assert [Path(file).name for file in reported["files"]] == [
+        f"table-1.{kind}" for kind in ("md", "tex", "csv", "png", "svg")
+    ]
     assert all(Path(file).is_file() for file in reported["files"])
 
     five = [read_table(data / "tasks.parquet")["scenes"][i].as_py()[0] for i in range(5)]

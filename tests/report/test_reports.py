@@ -11,7 +11,9 @@ from rows import repaired, results_of, rows, table_of
 from evaps.dsl import UserError
 from evaps.metrics import Results
 from evaps.report import BUDGETS, LEARNING, NOISE, REPORTS, SEARCHED, SIZES, report
+from evaps.report.comparisons import checked, differences
 from evaps.report.curves import actions, candidates, complexity, learning, noise, seconds, sizes
+from evaps.report.dots import Dot
 from evaps.report.figure import Figure, Line
 from evaps.report.repairs import edits, effects, rounds
 from evaps.report.summary import (
@@ -23,7 +25,8 @@ from evaps.report.summary import (
     summary_values,
 )
 from evaps.report.table import Table
-from evaps.report.tables import checked, differences, scale_note, table_1, table_2
+from evaps.report.tables import table_1, table_2
+from evaps.report.wording import scale_note
 
 
 def test_table_1_has_means_deviations_and_the_papers_figures() -> None:
@@ -42,6 +45,38 @@ def test_table_1_has_means_deviations_and_the_papers_figures() -> None:
     assert rewarded[1] == "50.0 ± 0.0 (2.2)"
     assert evaps[table.head.index("generalization @20")] == "100.0 ± 0.0 (76.8)"
     assert lgrl[-1] == "2"
+
+
+def test_a_picture_shows_what_its_table_says() -> None:
+    fewer = [row | {"top_k": 5} for row in rows("evaps", [0, None]) if row["rank"] < 5]
+    other = [row | {"top_k": 5} for row in rows("naive", [None, None]) if row["rank"] < 5]
+    results = results_of(fewer, other, [row | {"seed": 1} for row in other])
+    first, second = table_1(results).picture, table_2(results).picture
+    assert first
+    assert second
+    assert [panel.title for panel in first.panels] == ["exact", "semantic", "generalization"]
+    assert first.panels[2].dots["EVAPS"] == [Dot(50, 50, 50, 48.90), Dot(50, 50, 50, 67.82), None]
+    shares, gains = second.panels
+    assert shares.dots["EVAPS"] == first.panels[2].dots["EVAPS"]
+    gain = gains.dots["EVAPS"][0]
+    assert gain
+    assert (gain.value, gain.low, gain.high, gain.paper) == (50, 0, 100, pytest.approx(18.61))
+    assert gains.dots["Naive"] == [None, None, None]
+    svg = first.draw()["svg"].decode()
+    assert len(re.findall(r'id="axes_\d+"', svg)) == 3
+
+
+def test_a_table_is_written_without_its_picture_where_nothing_can_draw(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pq.write_table(table_of(rows("lgrl", [0])), tmp_path / "lgrl-0.parquet")
+    whole = {path.suffix for path in report("table-1", tmp_path, tmp_path / "out")}
+    assert whole == {".md", ".tex", ".csv", ".png", ".svg"}
+    monkeypatch.setattr("evaps.report.drawing.can_draw", lambda: False)
+    monkeypatch.setattr("evaps.report.can_draw", lambda: False)
+    assert {path.suffix for path in report("table-1", tmp_path, tmp_path / "less")} == {".md", ".tex", ".csv"}
+    with pytest.raises(UserError, match=r"figures need matplotlib.*evaps\[report\]"):
+        report("complexity", tmp_path, tmp_path / "less")
 
 
 def test_a_difference_is_claimed_only_where_its_interval_says_so() -> None:

@@ -10,19 +10,20 @@ from pathlib import Path
 from evaps.dsl import UserError
 from evaps.files import write_atomically
 from evaps.metrics import Results
-from evaps.report import curves, repairs, tables
+from evaps.report import comparisons, curves, repairs, tables
+from evaps.report.drawing import can_draw
 from evaps.report.figure import Figure
 from evaps.report.table import Table
-from evaps.report.tables import scale_note
+from evaps.report.wording import scale_note
 from evaps.tasks.progress import track
 
 Item = Table | Figure
 REPORTS: dict[str, Callable[[Results], Item | list[Table]]] = {
     "table-1": tables.table_1,
     "table-2": tables.table_2,
-    "differences": tables.differences,
-    "frames": tables.frames,
-    "checked": tables.checked,
+    "differences": comparisons.differences,
+    "frames": comparisons.frames,
+    "checked": comparisons.checked,
     "complexity": curves.complexity,
     "candidates": curves.candidates,
     "actions": curves.actions,
@@ -109,6 +110,8 @@ def _write(name: str, made: Item | list[Table], out: Path) -> list[Path]:
     else:
         tables = made if isinstance(made, list) else [made]
         csv = "\n".join(table.csv() for table in tables)
+        if can_draw():  # a table is one without its picture, too
+            pictures = {kind: p for t in tables if t.picture for kind, p in t.picture.draw().items()}
     texts = {
         "md": "\n".join(table.markdown() for table in tables),
         "tex": "\n".join(table.latex() for table in tables),

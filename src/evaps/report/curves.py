@@ -14,7 +14,7 @@ from evaps.bootstrap import bootstrap, bootstraps
 from evaps.metrics import TOP, MethodResults, Results
 from evaps.report.figure import Figure, Line
 from evaps.report.names import name_of
-from evaps.report.tables import scale_note
+from evaps.report.wording import scale_note
 from evaps.tasks.files import read_text
 from evaps.tasks.info import STEP_BUCKETS
 from evaps.tasks.task import EXAMPLES

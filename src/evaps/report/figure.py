@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from evaps.dsl import UserError
+from evaps.report.drawing import drawn
 from evaps.report.table import Table
 
 COLUMNS = 8  # of a figure as a table
@@ -105,33 +104,27 @@ class Figure:
         Raises:
             UserError: there is no matplotlib.
         """
-        try:
-            import matplotlib
-        except ImportError as error:
-            raise UserError("figures need matplotlib; try: pip install 'evaps[report]'") from error
-        from matplotlib.figure import Figure as Canvas
-        from matplotlib.lines import Line2D
-
         columns = 2 if len(self.panels) == 4 else min(3, len(self.panels))
         rows = -(-len(self.panels) // columns)
+        names = len({name for lines in self.panels.values() for name in lines})
+        beside = min(columns + 1, names)
+        return drawn(
+            max(6.4, 1.5 + 3.4 * columns),
+            0.4 + 2.6 * rows + 0.2 * -(-names // beside),  # with the legend's lines
+            lambda canvas: self._on(canvas, rows, columns, beside),
+        )
+
+    def _on(self, canvas: Any, rows: int, columns: int, beside: int) -> None:
+        from matplotlib.lines import Line2D
+
         styles = self.styles()
-        names = list(styles)
-        beside = min(columns + 1, len(names))
-        height = 0.4 + 2.6 * rows + 0.2 * -(-len(names) // beside)  # with the legend's lines
-        with matplotlib.rc_context({"svg.hashsalt": "evaps", "font.size": 9}):
-            canvas = Canvas(figsize=(max(6.4, 1.5 + 3.4 * columns), height), layout="constrained")
-            axes = canvas.subplots(rows, columns, sharex=True, sharey=self.share_y, squeeze=False).ravel()
-            for ax, (title, lines) in zip(axes, self.panels.items(), strict=False):
-                self._panel(ax, title, lines, styles)
-            for ax in axes[len(self.panels) :]:
-                ax.set_visible(False)
-            keys = [Line2D([], [], marker=".", **styles[name]) for name in names]  # bands have none
-            canvas.legend(keys, names, loc="outside lower center", ncols=beside, frameon=False)
-            png, svg = io.BytesIO(), io.BytesIO()
-            canvas.savefig(png, format="png", dpi=160)
-            canvas.set_layout_engine("none")  # what was laid out stays where it is
-            canvas.savefig(svg, format="svg", metadata={"Date": None})
-        return {"png": png.getvalue(), "svg": svg.getvalue()}
+        axes = canvas.subplots(rows, columns, sharex=True, sharey=self.share_y, squeeze=False).ravel()
+        for ax, (title, lines) in zip(axes, self.panels.items(), strict=False):
+            self._panel(ax, title, lines, styles)
+        for ax in axes[len(self.panels) :]:
+            ax.set_visible(False)
+        keys = [Line2D([], [], marker=".", **style) for style in styles.values()]  # bands have none
+        canvas.legend(keys, list(styles), loc="outside lower center", ncols=beside, frameon=False)
 
     def _panel(
         self, ax: Any, title: str, lines: Mapping[str, Line], styles: Mapping[str, dict[str, Any]]

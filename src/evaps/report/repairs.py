@@ -16,7 +16,7 @@ from evaps.metrics import TOP, MethodResults, Results, Row
 from evaps.report.figure import Figure, Line
 from evaps.report.names import name_of
 from evaps.report.table import Table
-from evaps.report.tables import said, scale_note, seeds_of
+from evaps.report.wording import said, scale_note, seeds_of
 
 MOST_EDITS = 25
 NAIVE = "naive"

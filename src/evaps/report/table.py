@@ -8,6 +8,8 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from evaps.report.dots import DotPlot
+
 
 @dataclass(frozen=True)
 class Table:
@@ -19,6 +21,7 @@ class Table:
         rows: the first cell of each says what it is about.
         notes: sentences below it: scale, seeds, what is meant.
         number: of the paper's table that this is; LaTeX counts by itself.
+        picture: the same to look at.
     """
 
     title: str
@@ -26,6 +29,7 @@ class Table:
     rows: Sequence[Sequence[str]]
     notes: Sequence[str] = ()
     number: int | None = None
+    picture: DotPlot | None = None
 
     def markdown(self) -> str:
         """With its title and its notes."""
