@@ -319,13 +319,17 @@ def test_no_method_reads_a_scene_or_the_hidden_state(
     assert set(pq.read_table(pa.BufferReader(files[part.path]))["method"].to_pylist()) == set(methods)
 
 
-def test_an_evaluation_on_ray_is_the_same(data: Path, model: Path, tmp_path: Path) -> None:
+def test_an_evaluation_on_ray_is_the_same(
+    data: Path, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     paths = [
         evaluate(data, tmp_path / f"{w.backend}.parquet", str(model), ("lgrl",), top_k=2, workers=w)
         for w in (Workers(0), Workers(2, "ray"))
     ]
     one, two = (pq.read_table(path).drop_columns(TIMES).to_pylist() for path in paths)
     assert one == two
+    judged = len({row["task"] for row in one})
+    assert f"has {judged} tasks; all of them are judged" in capsys.readouterr().err
 
 
 def test_what_was_judged_is_not_judged_again_and_never_emptied(

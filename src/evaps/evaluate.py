@@ -32,6 +32,7 @@ from evaps.tasks.files import read_table
 from evaps.tasks.identity import code_version, short_hash
 from evaps.tasks.parts import ROBOT as USUAL_ROBOT
 from evaps.tasks.parts import Files, make_parts
+from evaps.tasks.progress import note
 from evaps.tasks.task import EXAMPLES, GoldTask
 
 PART = 25  # tasks in a part
@@ -235,7 +236,7 @@ def evaluate(
         methods: names in METHODS or SEARCHES; a repairer works on LGRL's candidates, or, as
             ``synthesizer+repairer``, on that one's.
         split: of the data set.
-        tasks: how many.
+        tasks: how many; all, and a line says so, where there are fewer.
         top_k: candidates of a task.
         rounds: of repair.
         workers: who does it.
@@ -256,6 +257,8 @@ def evaluate(
     positions = dataset.split(split)[:tasks]
     if not positions:
         raise UserError(f"the data set has no task in the split {split!r}; generate a larger one")
+    if len(positions) < tasks:
+        note(f"the split {split!r} of {data} has {len(positions)} tasks; all of them are judged")
     setting = Setting(split, noise, actions, top_k, rounds)
     facts = {method: _facts(model, method, dataset, setting) for method in methods}
     if _are_there(out, facts, [dataset.rows[position]["index"] for position in positions]):

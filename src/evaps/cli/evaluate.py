@@ -36,7 +36,7 @@ class Evaluate(Command):
     split: str = "test"
     """train, validation or test."""
     tasks: int = 1000
-    """How many tasks of the split."""
+    """How many tasks of the split; all if it has fewer."""
     top_k: int = 20
     """Candidates of a task."""
     rounds: int = 5

@@ -32,6 +32,12 @@ class Loudness:
 LOUDNESS = Loudness()
 
 
+def note(text: str) -> None:
+    """Say on standard error what a long job does otherwise than one might expect."""
+    if not LOUDNESS.quiet:
+        CONSOLE.print(text, soft_wrap=True)
+
+
 def track(items: Iterable[T], total: int, what: str, done: int = 0, per_item: int = 1) -> Iterator[T]:
     """Yield the items and show progress on standard error.
 
