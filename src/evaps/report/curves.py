@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from evaps.bootstrap import bootstrap, bootstraps
 from evaps.metrics import TOP, MethodResults, Results
@@ -16,7 +16,7 @@ from evaps.report.figure import Figure, Line
 from evaps.report.names import name_of
 from evaps.report.wording import scale_note
 from evaps.tasks.files import read_text
-from evaps.tasks.info import STEP_BUCKETS
+from evaps.tasks.info import STEP_BUCKETS, step_bucket
 from evaps.tasks.task import EXAMPLES
 
 MOST = 20
@@ -33,7 +33,7 @@ LEARNED = (
 def complexity(results: Results) -> Figure:
     """Generalization among the first 1 to 20 candidates, for tasks of so many steps."""
     panels = {}
-    for bucket, name in enumerate(STEP_BUCKETS):
+    for bucket in STEP_BUCKETS:
         lines = {}
         for method, runs in results.by_method.items():
             there = [_buckets(run) == bucket for run in runs]
@@ -43,19 +43,19 @@ def complexity(results: Results) -> Figure:
                     for k in _asked(runs)
                 ]
                 lines[name_of(method)] = Line(_asked(runs), shares)
-        panels[f"{name} steps"] = lines
+        panels[f"{bucket} steps"] = lines
     notes = [f"{_tasks_by_steps(results)} The paper shows its figure without numbers."]
     return Figure(panels, "candidates", "generalization (%)", notes=notes)
 
 
-def _buckets(run: MethodResults) -> Int[np.ndarray, " task"]:
-    """For each task the place of its number of steps in STEP_BUCKETS."""
-    return np.clip(run.column("steps"), 2, 7) - 2
+def _buckets(run: MethodResults) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
+    """For each task in which of STEP_BUCKETS it is."""
+    return np.array([step_bucket(steps) for steps in run.column("steps")])
 
 
 def _tasks_by_steps(results: Results) -> str:
-    counts = np.bincount(_buckets(next(results.each())), minlength=len(STEP_BUCKETS))
-    return f"Tasks of {', '.join(STEP_BUCKETS)} steps: {', '.join(map(str, counts))}."
+    counts = Counter(_buckets(next(results.each())).tolist())
+    return f"Tasks of {', '.join(STEP_BUCKETS)} steps: {', '.join(str(counts[b]) for b in STEP_BUCKETS)}."
 
 
 def candidates(results: Results) -> Figure:

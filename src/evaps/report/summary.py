@@ -16,7 +16,7 @@ from evaps.metrics import METRICS, TITLES, TOP, MethodResults, Results, Row
 from evaps.report.names import name_of
 from evaps.report.paper import GENERALIZATION
 from evaps.report.table import markdown_cells
-from evaps.tasks.info import STEP_BUCKETS
+from evaps.tasks.info import STEP_BUCKETS, step_bucket
 from evaps.tasks.task import EXAMPLES
 
 
@@ -165,9 +165,9 @@ def steps_table(rows: Path, method: str) -> str:
     """Markdown: how often a method's answer passes and generalizes, by the steps of the task."""
     answers = Results.read(rows).first(method).answers()
     table = []
-    for bucket, name in enumerate(STEP_BUCKETS):
-        there = [row for row in answers if min(row["steps"], 7) - 2 == bucket]
-        table.append([name, str(len(there)), *_shares(there)])
+    for bucket in STEP_BUCKETS:
+        there = [row for row in answers if step_bucket(row["steps"]) == bucket]
+        table.append([bucket, str(len(there)), *_shares(there)])
     return markdown_cells(["steps", "tasks", "passes all five", "generalizes"], table)
 
 

@@ -22,6 +22,11 @@ from evaps.tasks.render import run_again
 STEP_BUCKETS = ("2", "3", "4", "5", "6", "7+")
 
 
+def step_bucket(steps: int) -> str:
+    """In which of STEP_BUCKETS a task of so many steps is."""
+    return STEP_BUCKETS[min(max(steps, 2), 7) - 2]
+
+
 @dataclass(frozen=True)
 class Summary:
     """What is in a data set.
@@ -59,7 +64,7 @@ def summarize(dataset: Dataset) -> Summary:
     control["none"] = sum(not found & {*kinds} for found in words)
     asked = [{*tokens, *map(" ".join, pairwise(tokens))} for tokens in programs]
     splits = Counter(dataset.rows.column("split"))
-    found = Counter(STEP_BUCKETS[min(n, 7) - 2] for n in steps)
+    found = Counter(map(step_bucket, steps))
     return Summary(
         dataset.identity,
         {split: splits[split] for split in SPLITS},
