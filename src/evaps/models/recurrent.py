@@ -23,6 +23,28 @@ def select_hidden(
     return hidden[0][:, flat], hidden[1][:, flat]
 
 
+class StepLSTM(nn.LSTM):
+    """An LSTM that is called for one token at a time, since what it reads next depends on what it said.
+
+    On a processor PyTorch's own puts its weights into another order at every call, which takes longer than
+    the step; this writes the step out. On a graphics card it is cuDNN's.
+    """
+
+    def forward(  # type: ignore[override]
+        self, x: Float[Tensor, "row size"], hidden: tuple[Tensor, Tensor]
+    ) -> tuple[Float[Tensor, "row hidden"], tuple[Tensor, Tensor]]:
+        """The top layer's output, and the state ``[layer, row, hidden]`` after it."""
+        if x.is_cuda:
+            outputs, hidden = super().forward(x[None], hidden)
+            return outputs[0], hidden
+        states = []
+        for (into, onwards, a, b), before, cell in zip(self.all_weights, *hidden, strict=True):
+            x, cell = next_state(F.linear(x, into, a) + F.linear(before, onwards, b), cell)
+            states.append((x, cell))
+        hiddens, cells = zip(*states, strict=True)
+        return x, (torch.stack(hiddens), torch.stack(cells))
+
+
 class PairLSTM(nn.LSTM):
     """An LSTM over tokens, a row for each pair of a program, which is told of that pair at every token.
 
