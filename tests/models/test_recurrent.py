@@ -1,4 +1,4 @@
-"""The LSTM that is told of pairs is an LSTM: PyTorch's, with everything side by side, in float64."""
+"""The LSTMs that are written out are PyTorch's; the one that is told of pairs with everything side by side."""
 
 import torch
 from torch import Tensor, nn
@@ -44,7 +44,7 @@ def test_a_token_at_a_time_ends_where_all_at_once_do() -> None:
 
 def test_one_token_at_a_time_is_the_same_as_all_at_once() -> None:
     torch.manual_seed(2)
-    whole = torch.nn.LSTM(TOKEN, HIDDEN, 2)
+    whole = nn.LSTM(TOKEN, HIDDEN, 2)
     steps = StepLSTM(TOKEN, HIDDEN, 2)
     steps.load_state_dict(whole.state_dict())
     x = torch.randn(4, 3, TOKEN)
