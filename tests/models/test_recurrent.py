@@ -1,4 +1,4 @@
-"""The LSTMs that are written out are PyTorch's; the one that is told of pairs with everything side by side."""
+"""The LSTMs that are written out are PyTorch's; that which is told of pairs, with all side by side."""
 
 import torch
 from torch import Tensor, nn
