@@ -311,10 +311,9 @@ def noise_page(results: Path) -> str:
 
 def readme_table(results: Path) -> str:
     """The README's table beside the paper's figures, its scale, and what may be said of its differences."""
-    rows = results / "methods"
-    found = Results.read(rows)
+    found = Results.read(results / "methods")
     others = [m for m in found.methods if m != "evaps"]
-    table = summary_table(rows, beside_paper=True)
+    table = summary_table(found, beside_paper=True)
     return "\n\n".join([table, scale_note(found), *sentences(found, "evaps", others)])
 
 

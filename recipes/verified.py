@@ -123,7 +123,7 @@ def tables() -> str:
     parts = [
         answer_table([METHODS, ROWS]),
         "The first, the first five and the first twenty candidates, no two of which do the same (in %):",
-        summary_table(ROWS),
+        summary_table(Results.read(ROWS)),
         "By the steps of the task:",
         steps_table(ROWS, "verified"),
         "By what the hidden program has, which no method sees:",

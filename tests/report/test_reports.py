@@ -393,11 +393,11 @@ def test_a_short_table_has_one_row_for_all_seeds_of_a_method(tmp_path: Path) -> 
     pq.write_table(table_of(rows("lgrl", [0, None], seed=0)), tmp_path / "lgrl-0.parquet")
     pq.write_table(table_of(rows("lgrl", [0, 3], seed=1)), tmp_path / "lgrl-1.parquet")
     pq.write_table(table_of(rows("naive", [None, None])), tmp_path / "naive-0.parquet")
-    head, _, lgrl, naive = summary_table(tmp_path).splitlines()
+    head, _, lgrl, naive = summary_table(Results.read(tmp_path)).splitlines()
     assert head.split(" | ")[:3] == ["| method", "seeds", "exact"]
     assert lgrl.split(" | ")[:3] == ["| LGRL", "2", "50.0 / 75.0 / 75.0"]
     assert naive.split(" | ")[:2] == ["| Naive", "1"]
-    values = summary_values(tmp_path)[0]
+    values = summary_values(Results.read(tmp_path))[0]
     assert (values["method"], values["tasks"], values["seeds"], values["exact@5"]) == ("lgrl", 2, 2, 0.75)
     pooled = answer_table([tmp_path]).splitlines()[2].split(" | ")
     assert (pooled[0], pooled[1], pooled[3]) == ("| LGRL", "2", "50.0 %")

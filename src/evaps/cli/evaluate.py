@@ -66,6 +66,7 @@ class Evaluate(Command):
         workers = workers_from(self.workers, self.engine, self.address)
         check_writable(self.out)
         from evaps.evaluate import evaluate
+        from evaps.metrics import Results
         from evaps.report.summary import summary_table, summary_values
 
         evaluate(
@@ -81,8 +82,9 @@ class Evaluate(Command):
             self.noise,
             self.actions,
         )
+        results = Results.read(self.out)
         if self.json:
-            for values in summary_values(self.out):
+            for values in summary_values(results):
                 print(json.dumps(values))
         else:
-            print(summary_table(self.out))
+            print(summary_table(results))

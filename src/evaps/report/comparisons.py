@@ -72,12 +72,13 @@ def checked(results: Results) -> Table:
 def _as_many_looked_at(results: Results) -> Iterator[str]:
     """A repairer runs about six programs for its first candidate: what six of its synthesizer's are worth."""
     few = 6
-    for method in (m for m in TABLE_2 if m in results.methods and m != BEFORE):
+    there = [m for m in TABLE_2 if m in results.methods]
+    for method in there[1:] if BEFORE in there else ():
         try:
             gains = results.gains(
                 BEFORE, method, lambda run: run.answered(few), lambda run: run.matches(GOAL, 1)
             )
-        except (KeyError, ValueError):  # not judged on the same tasks, or not at all
+        except ValueError:  # not judged on the same tasks with the same seeds
             continue
         yield (
             f"Of the first {few} candidates of {name_of(BEFORE)} the one that passes most, against the first "

@@ -20,16 +20,15 @@ from evaps.tasks.info import STEP_BUCKETS, step_bucket
 from evaps.tasks.task import EXAMPLES
 
 
-def summary_table(rows: Path, beside_paper: bool = False) -> str:
+def summary_table(results: Results, beside_paper: bool = False) -> str:
     """Markdown: for each method the metrics at top-1 / 5 / 20 and its answer in %, and its cost a task.
 
     Means over seeds; how many there are stands there where a method has several.
 
     Args:
-        rows: a file of rows, or a folder of such files.
+        results: of which methods.
         beside_paper: whether there is a column of what the paper reports.
     """
-    results = Results.read(rows)
     several = any(len(runs) > 1 for runs in results.by_method.values())
     paper = ["generalization in the paper"] if beside_paper else []
     costs = ["answer", "seconds", "simulated actions"]
@@ -60,12 +59,11 @@ def _answers_and_costs(runs: Sequence[MethodResults]) -> tuple[float, float, flo
     return float(answered), float(seconds), float(actions)
 
 
-def summary_values(rows: Path) -> list[dict[str, Any]]:
+def summary_values(results: Results) -> list[dict[str, Any]]:
     """The same as `summary_table` as JSON values: shares from 0 to 1, and means a task.
 
     A share among more candidates than were asked for is None.
     """
-    results = Results.read(rows)
     found = []
     for method, runs in results.by_method.items():
         values: dict[str, Any] = {"method": method, "tasks": len(runs[0].tasks), "seeds": len(runs)}
