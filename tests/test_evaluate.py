@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rows import RIGHT, WRONG, repaired, results_of, rows
 
-from evaps.bootstrap import bootstrap, bootstraps
+from evaps.bootstrap import MARGIN, Interval, bootstrap, bootstraps
 from evaps.dsl import Program, UserError, run
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import match
@@ -84,6 +84,7 @@ def test_an_answer_is_the_best_attempt_and_not_the_last() -> None:
     assert run.answered().tolist() == [True, False]
     assert [row["program"] for row in run.answers()] == [RIGHT, WRONG]
     assert run.matches("generalization_state", 1).tolist() == [False, False]
+    assert [row["rounds"] for row in run.answers()] == [None, None], "those of the last attempt"
 
 
 @pytest.mark.parametrize(
@@ -99,8 +100,12 @@ def test_an_answer_is_the_best_attempt_and_not_the_last() -> None:
             "lgrl, seed 0 and seed 1, differ in trained_on: 100, 50",
         ),
         (
+            [rows("blind", [0]), [row | {"budget": 10_000} for row in rows("blind", [0], seed=1)]],
+            "blind, seed 0 and seed 1, differ in budget: 10000, 3500",
+        ),
+        (
             [rows("lgrl", [0]), [row | {"noise": 0.25} for row in rows("evaps", [0])]],
-            "more than one noise: 0.0, 0.25",
+            "more than one noise: 0, 0.25",
         ),
         (
             [[row | {"split": split} for row in rows(split, [0])] for split in ("test", "train")],
@@ -125,6 +130,14 @@ def test_the_bootstrap_interval_covers_zero_exactly_when_it_should() -> None:
     found = results.difference("b", "a", "exact", 1, draws=2000)
     assert found.low < 0 < found.high
     assert not found.certain
+
+
+def test_what_is_certain_would_be_so_with_other_draws() -> None:
+    gains = np.random.default_rng(3).choice([-100.0, 0.0, 100.0], (3, 1000), p=[0.08, 0.82, 0.1])
+    lows = [bootstrap(gains, seed).low for seed in range(5)]
+    assert lows == pytest.approx([np.median(lows)] * 5, abs=MARGIN + 1e-3)
+    assert not Interval(2.0, 0.05, 4.0).certain
+    assert Interval(-2.0, -4.0, -0.2).certain
 
 
 def test_seeds_are_kept_apart_and_averaged() -> None:

@@ -9,11 +9,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 DRAWS = 10_000
+MARGIN = 0.1  # points: by so much the bounds of 1,000 tasks move from one seed of the draws to another
 DRAWN_TOGETHER = 1 << 20  # tasks, so that a bootstrap of any number of them takes a few megabytes
 
 
 class Interval(NamedTuple):
-    """A mean with its 95 % interval, in the units of what was averaged."""
+    """A mean with its 95 % interval, in points (hundredths of a share)."""
 
     mean: float
     low: float
@@ -21,8 +22,8 @@ class Interval(NamedTuple):
 
     @property
     def certain(self) -> bool:
-        """Whether the interval leaves the sign no doubt."""
-        return self.low > 0 or self.high < 0
+        """Whether the interval leaves the sign no doubt, and would do so with other draws."""
+        return self.low > MARGIN or self.high < -MARGIN
 
     def __str__(self) -> str:
         return f"{self.mean:+.1f} [{self.low:+.1f}, {self.high:+.1f}]"
@@ -47,10 +48,11 @@ def bootstraps(
     Each draw has as many tasks as there are, with replacement, and one seed less than there are: the mean of
     ``n`` seeds drawn from ``n`` varies by ``(n - 1) / n`` of what it should, which for few seeds is much too
     little, and that of ``n - 1`` as much as it should (Rao and Wu, 1988, of few units in a stratum). With
-    one seed an interval is over tasks alone.
+    one seed an interval is over tasks alone. No draw is better than the best seed, so that an interval is
+    too narrow where few seeds differ by more than the choice of tasks does (docs/evaluation.md has figures).
 
     Args:
-        values: for each item one number for each seed and task.
+        values: for each item one number, in points, for each seed and task.
         seed: of the draws.
         draws: how many.
     """

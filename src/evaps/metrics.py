@@ -23,6 +23,8 @@ from evaps.tasks.files import read_table
 TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state": "generalization"}
 """What the paper calls its metrics, by our columns; the tables show the match of states."""
 METRICS = tuple(TITLES)
+OF_THE_LAST = ("exact", "semantic_frame", "generalization_frame", "rounds")
+"""What a row says of its candidate after the last round of repair, and not of the attempts before."""
 JUDGED = (*METRICS, "semantic_frame", "generalization_frame")
 TOP = (1, 5, 20)
 Row = Mapping[str, Any]
@@ -113,8 +115,12 @@ def _attempts(row: Row) -> Sequence[Row]:
 
 
 def _best_attempt(row: Row) -> Row:
-    """The row as if its candidate had ended with the first attempt that passes most pairs."""
-    return {**row, **max(_attempts(row), key=lambda attempt: attempt["pairs_passed"])}
+    """The row as if its candidate had ended with the first attempt that passes most pairs.
+
+    Without what rows know of the last attempt alone.
+    """
+    best = max(_attempts(row), key=lambda attempt: attempt["pairs_passed"])
+    return {**row, **dict.fromkeys(OF_THE_LAST), **best}
 
 
 Judge = Callable[[MethodResults], Bool[np.ndarray, " task"]]
@@ -155,7 +161,7 @@ class Results:
             by_rank = {task: [ranks[rank] for rank in sorted(ranks)] for task, ranks in tasks.items()}
             seeds = self.by_method.setdefault(method, [])
             seeds.append(MethodResults(method, seed, by_rank))
-            _check_one_training(seeds[0], seeds[-1])
+            _check_one_method(seeds[0], seeds[-1])
 
     @classmethod
     def read(cls, *paths: Path) -> Results:
@@ -277,7 +283,7 @@ class Results:
 
 ONE_SETTING = ("dataset_seed", "split", "noise", "top_k", "most_rounds")
 """Columns that have to be the same in rows that are compared."""
-ONE_TRAINING = ("scale", "trained_on")
+ONE_METHOD = ("scale", "trained_on", "budget")
 """Columns that have to be the same in all rows of a method."""
 
 
@@ -286,18 +292,18 @@ def _check_one_setting(tables: Sequence[pa.Table]) -> None:
         there = [table[column].unique().to_pylist() for table in tables if column in table.column_names]
         values = sorted({value for found in there for value in found if value is not None})
         if len(values) > 1:
+            shown = ", ".join(f"{value:.4g}" if column == "noise" else f"{value}" for value in values)
             raise UserError(
-                f"these rows are of more than one {column}: {', '.join(f'{value}' for value in values)}; "
-                "put each kind into a folder of its own"
+                f"these rows are of more than one {column}: {shown}; put each kind into a folder of its own"
             )
 
 
-def _check_one_training(one: MethodResults, other: MethodResults) -> None:
+def _check_one_method(one: MethodResults, other: MethodResults) -> None:
     """The seeds of a method are averaged, so nothing but the seed may differ."""
     what = f"{one.method}, seed {one.seed} and seed {other.seed},"
     if one.tasks != other.tasks:
         raise UserError(f"{what} were judged on different tasks; evaluate both with the same --tasks")
-    for column in ONE_TRAINING:
+    for column in ONE_METHOD:
         values = {one.fact(column), other.fact(column)} - {None}
         if len(values) > 1:
             raise UserError(

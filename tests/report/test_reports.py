@@ -1,5 +1,6 @@
 """Tables and figures say what the rows say."""
 
+import csv
 import re
 from pathlib import Path
 
@@ -223,11 +224,27 @@ def test_every_report_is_written_in_every_form(tmp_path: Path) -> None:
     written = report("all", folder, tmp_path / "out")
     names = {path.stem for path in written}
     assert names == {*REPORTS, NOISE, SIZES, LEARNING}
+    texts, pictures = {".md", ".tex", ".csv"}, {".png", ".svg"}
+    tables = {"differences", "frames", "checked", "effects", "edits"}
+    for name in names:
+        suffixes = {path.suffix for path in written if path.stem == name}
+        assert suffixes == (texts if name in tables else texts | pictures)
     for path in written:
         content = path.read_bytes()
         assert content
         if path.suffix == ".png":
             assert content.startswith(b"\x89PNG")
+    dots = list(csv.DictReader((tmp_path / "out" / "table-1.csv").open()))
+    assert dots[0] == {
+        "shown": "exact",
+        "row": "LGRL",
+        "of": "top-1",
+        "value": "50",
+        "low": "50",
+        "high": "50",
+        "paper": "",
+    }
+    assert (tmp_path / "out" / "edits.csv").read_text().startswith("table,")
     again = report("complexity", folder, tmp_path / "again")
     assert [p.read_bytes() for p in again] == [(tmp_path / "out" / p.name).read_bytes() for p in again]
     solved = learning(folder / "curves").panels["solved by the first four programs (%)"]["LGRL"]
@@ -260,12 +277,20 @@ def test_noise_has_a_panel_for_each_share() -> None:
 
 def test_a_legend_has_the_colours_of_its_lines_and_there_are_no_empty_panels() -> None:
     banded = Line([1, 2], [3, 4], [2, 3], [4, 5])
-    panels = {title: {"one": banded, "two": banded} for title in "abcd"} | {"e": {"two": banded}}
+    panels = {title: {"EVAPS": banded, "LGRL": banded} for title in "abcd"} | {"e": {"LGRL": banded}}
     svg = Figure(panels, "x", "y").draw()["svg"].decode()
     legend = svg[svg.index('id="legend_1"') :]
     colours = re.findall(r'<path d="[^"]*" style="[^"]*stroke: (#\w+)[^"]*"', legend)
     assert colours == ["#1f77b4", "#ff7f0e"]
     assert len(re.findall(r'id="axes_\d+"', svg)) == len(panels)
+    alone = Figure({"a": {"LGRL": banded}}, "x", "y")
+    assert alone.styles()["LGRL"] == Figure(panels, "x", "y").styles()["LGRL"], "the same colour everywhere"
+
+
+def test_the_ticks_of_few_points_are_these() -> None:
+    few = Figure({"a": {"LGRL": Line([20_000, 50_000], [1, 2])}}, "tasks", "y", log=True)
+    svg = few.draw()["svg"].decode()
+    assert [name in svg for name in ("<!-- 20,000 -->", "<!-- 50,000 -->")] == [True, True]
 
 
 def test_sizes_has_a_point_for_each_number_of_tasks() -> None:
@@ -336,10 +361,14 @@ def test_learning_tells_seeds_apart_and_leaves_out_who_was_not_validated(tmp_pat
 
 
 def test_signs_that_latex_knows_otherwise_are_escaped() -> None:
-    text = Table("a_b", ["x", "y %"], [["1 ± 2", "3"]]).latex()
+    text = Table("a_b", ["x", "y %"], [["1 ± 2", "-3 top-1"], [r"\x{y}~", "[+4.5]"]]).latex()
+    assert r"$-$3 top-1" in text
+    assert r"\textbackslash{}x\{y\}\textasciitilde{} & [$+$4.5]" in text
     assert r"a\_b" in text
     assert r"y \%" in text
     assert r"1 $\pm$ 2" in text
+    assert "resizebox" not in text
+    assert r"\resizebox{\textwidth}" in Table("a", "abcdefg", [list("1234567")]).latex()
 
 
 def test_what_noise_costs_is_told_on_the_same_tasks_and_in_the_same_precision(tmp_path: Path) -> None:

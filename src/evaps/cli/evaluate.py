@@ -23,7 +23,7 @@ class Evaluate(Command):
     how often the answer, the first candidate that passes most of the five, generalizes.
     """
 
-    stopped: ClassVar[str] = "stopped; nothing is lost: the same command goes on where it was"
+    stopped: ClassVar[str] = "stopped; the same command goes on, with the tasks that were being judged"
 
     data: Folder
     """Folder of the data set, from `evaps generate`."""

@@ -16,8 +16,9 @@ from evaps.cli.inputs import writing
 class Report(Command):
     """Make a table or a figure from the rows of `evaps evaluate`.
 
-    All become Markdown, LaTeX and CSV, and figures PNG and SVG, too: table-1, table-2, frames, checked,
-    complexity, candidates, actions, seconds, rounds, effects, edits, noise, sizes, learning; or all.
+    All become Markdown, LaTeX and CSV; table-1, table-2 and the figures PNG and SVG, too. There are table-1,
+    table-2, differences, frames, checked, complexity, candidates, actions, seconds, rounds, effects, edits,
+    noise, sizes and learning; or all.
     """
 
     name: Annotated[Positional[str], arg(metavar="NAME")]

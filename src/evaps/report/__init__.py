@@ -13,7 +13,7 @@ from evaps.metrics import Results
 from evaps.report import comparisons, curves, repairs, tables
 from evaps.report.drawing import can_draw
 from evaps.report.figure import Figure
-from evaps.report.table import Table
+from evaps.report.table import Table, csv_of
 from evaps.report.wording import scale_note
 from evaps.tasks.progress import track
 
@@ -103,13 +103,18 @@ def _make(name: str, rows: Path, read: Callable[..., Results]) -> Item | list[Ta
     return replace(made, notes=(*made.notes, scale_note(shown))) if isinstance(made, Figure) else made
 
 
+def _titled(table: Table) -> str:
+    """Several tables in one file have a first column that says which one a row is of."""
+    return csv_of([["table", *table.head], *([table.title, *row] for row in table.rows)])
+
+
 def _write(name: str, made: Item | list[Table], out: Path) -> list[Path]:
     pictures: dict[str, bytes] = {}
     if isinstance(made, Figure):
         pictures, csv, tables = made.draw(), made.csv(), made.tables()
     else:
         tables = made if isinstance(made, list) else [made]
-        csv = "\n".join(table.csv() for table in tables)
+        csv = tables[0].csv() if len(tables) == 1 else "\n".join(map(_titled, tables))
         if can_draw():  # a table is one without its picture, too
             pictures = {kind: p for t in tables if t.picture for kind, p in t.picture.draw().items()}
     texts = {

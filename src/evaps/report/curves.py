@@ -14,7 +14,8 @@ from evaps.bootstrap import bootstrap, bootstraps
 from evaps.metrics import TOP, MethodResults, Results
 from evaps.report.figure import Figure, Line
 from evaps.report.names import name_of
-from evaps.report.wording import scale_note
+from evaps.report.paper import PAPER
+from evaps.report.wording import GOAL, scale_note
 from evaps.tasks.files import read_text
 from evaps.tasks.info import STEP_BUCKETS, step_bucket
 from evaps.tasks.task import EXAMPLES
@@ -83,7 +84,7 @@ def _asked(runs: Sequence[MethodResults]) -> range:
 
 
 def _right(run: MethodResults, k: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    return run.matches("generalization_state", k)
+    return run.matches(GOAL, k)
 
 
 def noise(by_share: Mapping[float, Results]) -> Figure:
@@ -114,7 +115,10 @@ def sizes(by_tasks: Mapping[float, Results]) -> Figure:
             found = [bootstrap(_solved(runs, k), draws=BAND_DRAWS) for runs in there.values()]
             means, lows, highs = zip(*found, strict=True)
             panels[f"top-{k}"][name_of(method)] = Line(list(there), means, lows, highs)
-    notes = [f"70 % of these tasks are trained on; 95 % intervals. {_machines(*by_tasks.values())}"]
+    notes = [
+        f"70 % of these tasks are trained on; 95 % intervals. {_machines(*by_tasks.values())}",
+        f"The paper: {PAPER}.",
+    ]
     return Figure(panels, "tasks in the data set", "generalization (%)", log=True, notes=notes)
 
 
@@ -145,12 +149,14 @@ def _budget(
     results: Results, key: str, limits: Float[np.ndarray, " limit"], name: str, notes: Sequence[str]
 ) -> Figure:
     lines = {}
-    for method in results.methods:
-        answers = [row for run in results.by_method[method] for row in run.answers()]
-        right = np.array([r["pairs_passed"] == EXAMPLES and r["generalization_state"] for r in answers])
+    most = max(len(run.tasks) for run in results.each())
+    for method, runs in results.by_method.items():
+        answers = [row for run in runs for row in run.answers()]
+        right = np.array([r["pairs_passed"] == EXAMPLES and r[GOAL] for r in answers])
         cost = np.array([r[key] for r in answers])
         shares = [100 * float((right & (cost <= limit)).mean()) for limit in limits]
-        lines[name_of(method)] = Line(limits.tolist(), shares)
+        fewer = f" ({len(runs[0].tasks)} tasks)" if len(runs[0].tasks) < most else ""
+        lines[name_of(method) + fewer] = Line(limits.tolist(), shares, of=name_of(method))
     return Figure({"answers": lines}, name, "answers that generalize (%)", log=True, notes=notes)
 
 
@@ -171,9 +177,12 @@ def learning(folder: Path) -> Figure:
         for title, key, factor in LEARNED:
             if found := [row for row in rows if key in row and _belongs(row, key)]:
                 batches = [row["step"] + 1 for row in found]
-                panels[title][label] = Line(batches, [factor * row[key] for row in found], of=name)
+                values = [factor * row[key] for row in found]
+                dashes = int(seed) if seed.isdigit() else 0
+                panels[title][label] = Line(batches, values, of=name, dashes=dashes)
     there = {title: lines for title, lines in panels.items() if lines}
-    notes = ["A line is one training; only those are here whose curve was kept."]
+    scale = f"The paper, which shows no such figure: {PAPER}."
+    notes = ["A line is one training; only those are here whose curve was kept.", scale]
     return Figure(there, "batches", "validation", share_y=False, notes=notes)
 
 

@@ -56,6 +56,19 @@ class DotPlot:
     panels: Sequence[Panel]
     series: Sequence[str]
 
+    def records(self) -> list[list[str]]:
+        """Head and rows of all dots, one in a row, as a program would read them."""
+        return [
+            ["shown", "row", "of", "value", "low", "high", "paper"],
+            *(
+                [panel.title, row, name, *(_number(x) for x in (dot.value, dot.low, dot.high, dot.paper))]
+                for panel in self.panels
+                for row, dots in panel.dots.items()
+                for name, dot in zip(self.series, dots, strict=True)
+                if dot is not None
+            ),
+        ]
+
     def draw(self) -> dict[str, bytes]:
         """The picture as ``"png"`` and as ``"svg"``.
 
@@ -80,6 +93,10 @@ class DotPlot:
         keys = [Line2D([], [], marker="o", color=color) for color in COLORS]
         keys.append(Line2D([], [], marker="D", linestyle="", color="gray", fillstyle="none"))
         canvas.legend(keys, [*self.series, PAPERS], loc="outside lower center", ncols=4, frameon=False)
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.6g}"
 
 
 def _draw_row(ax: Any, place: int, dots: Sequence[Dot | None]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from evaps.report.drawing import drawn
+from evaps.report.names import PLACES
 from evaps.report.table import Table
 
 COLUMNS = 8  # of a figure as a table
@@ -23,7 +24,8 @@ class Line:
         y: the values.
         low: the lower end of each value's interval; none if empty.
         high: the upper end.
-        of: lines of one thing have one colour, and different dashes; by default each is of its own.
+        of: lines of one thing have one colour; by default each is of its own.
+        dashes: of four kinds, to tell lines of one colour apart.
     """
 
     x: Sequence[float]
@@ -31,6 +33,7 @@ class Line:
     low: Sequence[float] = ()
     high: Sequence[float] = ()
     of: str = ""
+    dashes: int = 0
 
     def points(self) -> Iterator[tuple[float, ...]]:
         """Where, the value, and the ends of its interval if there is one."""
@@ -66,14 +69,11 @@ class Figure:
     notes: Sequence[str] = ()
 
     def styles(self) -> dict[str, dict[str, Any]]:
-        """Colour and dashes of each line, by its name; a line has the same ones in all panels."""
-        named = {name: line.of or name for lines in self.panels.values() for name, line in lines.items()}
-        groups = list(dict.fromkeys(named.values()))
-        styles = {}
-        for name, group in named.items():
-            members = [other for other in named if named[other] == group]
-            styles[name] = _style(groups.index(group), members.index(name))
-        return styles
+        """Colour and dashes of each line, by its name: a method has its colour in all panels and figures."""
+        named = {name: line for lines in self.panels.values() for name, line in lines.items()}
+        others = {line.of or name: None for name, line in named.items() if (line.of or name) not in PLACES}
+        places = PLACES | {group: len(PLACES) + i for i, group in enumerate(others)}
+        return {name: _style(places[line.of or name], line.dashes) for name, line in named.items()}
 
     def tables(self) -> list[Table]:
         """A table for each panel: some of its points, the first and the last among them."""
@@ -141,13 +141,22 @@ class Figure:
         ax.grid(alpha=0.3)
         if self.log:
             ax.set_xscale("log")
+            _tick_few(ax, lines)
         else:
             ax.xaxis.get_major_locator().set_params(integer=True)  # candidates, rounds, batches
 
 
-def _style(group: int, member: int) -> dict[str, Any]:
+def _tick_few(ax: Any, lines: Mapping[str, Line]) -> None:
+    """Where there are few points on a logarithmic axis, these are its ticks."""
+    every = sorted({x for line in lines.values() for x in line.x})
+    if 0 < len(every) <= COLUMNS:
+        ax.set_xticks(every, [f"{x:,.0f}" for x in every])
+        ax.set_xticks([], minor=True)
+
+
+def _style(place: int, dashes: int) -> dict[str, Any]:
     """There are twenty colours, ten of them lighter, and of each colour four kinds of dashes."""
     import matplotlib
 
-    color = matplotlib.colormaps["tab20"](2 * group % 20 + group // 10 % 2)
-    return {"color": color, "linestyle": ("-", "--", ":", "-.")[member % 4]}
+    color = matplotlib.colormaps["tab20"](2 * place % 20 + place // 10 % 2)
+    return {"color": color, "linestyle": ("-", "--", ":", "-.")[dashes % 4]}

@@ -1,16 +1,16 @@
 """What methods are called in tables and figures."""
 
 NAMES = {
+    "evaps": "EVAPS",
     "lgrl": "LGRL",
-    "lgrl-rl": "LGRL, rewarded",
-    "transformer": "Transformer",
+    "naive": "Naive",
+    "sed": "SED",
     "inferred-trace": "Inferred Trace",
     "latent-execution": "Latent Execution",
-    "sed": "SED",
-    "naive": "Naive",
+    "transformer": "Transformer",
     "evaps-o": "EVAPS+O",
     "evaps-s": "EVAPS+S",
-    "evaps": "EVAPS",
+    "lgrl-rl": "LGRL, rewarded",
     "evaps-parallel": "EVAPS, edits at once",
     "evaps-substitution": "EVAPS, substitutions",
     "evaps-no-goal": "EVAPS, goals unseen",
@@ -23,7 +23,12 @@ NAMES = {
     "enumeration": "enumeration of programs by cost",
     "blind": "blind: programs drawn from the prior until one passes",
     "prior": "draws from the prior",
+    "latent-execution-retrained": "Latent Execution, second round",
 }
+
+
+PLACES = {name: place for place, name in enumerate(NAMES.values())}
+"""Of each of these names, so that a method can have one colour in all figures."""
 
 
 def name_of(method: str) -> str:

@@ -10,6 +10,13 @@ from dataclasses import dataclass
 
 from evaps.report.dots import DotPlot
 
+WIDE = 6  # columns; more do not fit into one of a page's
+SIGNS = {sign: f"\\{sign}" for sign in "&%_#${}"} | {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+}
+
 
 @dataclass(frozen=True)
 class Table:
@@ -38,27 +45,38 @@ class Table:
         return "\n\n".join([f"**{number}{self.title}**", cells, *self.notes]) + "\n"
 
     def latex(self) -> str:
-        """A ``table`` environment that needs the package booktabs; the notes stand below the rows."""
+        """A ``table`` environment that needs the package booktabs; the notes stand below the rows.
+
+        Many columns are made as wide as the text, over both columns of a page, with the package graphicx.
+        """
+        wide = len(self.head) > WIDE
+        kind = "table*" if wide else "table"
         lines = [
-            r"\begin{table}",
+            rf"\begin{{{kind}}}",
             rf"\caption{{{_escaped(self.title)}}}",
+            *([r"\resizebox{\textwidth}{!}{%"] if wide else []),
             rf"\begin{{tabular}}{{l{'r' * (len(self.head) - 1)}}}",
             r"\toprule",
-            *(" & ".join(map(_escaped, row)) + r" \\" for row in [self.head]),
+            " & ".join(map(_escaped, self.head)) + r" \\",
             r"\midrule",
             *(" & ".join(map(_escaped, row)) + r" \\" for row in self.rows),
             r"\bottomrule",
-            r"\end{tabular}",
+            r"\end{tabular}" + ("}" if wide else ""),
             *(rf"\par\smallskip\footnotesize {_escaped(note)}" for note in self.notes),
-            r"\end{table}",
+            rf"\end{{{kind}}}",
         ]
         return "\n".join(lines) + "\n"
 
     def csv(self) -> str:
-        """Head and rows."""
-        out = io.StringIO()
-        csv.writer(out, lineterminator="\n").writerows([self.head, *self.rows])
-        return out.getvalue()
+        """Head and rows; of a table with a picture the numbers in it, each in a row of its own."""
+        return csv_of(self.picture.records() if self.picture else [self.head, *self.rows])
+
+
+def csv_of(rows: Iterable[Sequence[str]]) -> str:
+    """Rows as comma-separated values."""
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows(rows)
+    return out.getvalue()
 
 
 def markdown_cells(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -68,7 +86,7 @@ def markdown_cells(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _escaped(text: str) -> str:
-    for sign in "&%_#$":
-        text = text.replace(sign, "\\" + sign)
+    text = "".join(SIGNS.get(sign, sign) for sign in text)
     text = re.sub(r"`([^`]*)`", r"\\texttt{\1}", text)
-    return text.replace("±", r"$\pm$").replace("−", "--")
+    text = re.sub(r"(?<![\w.])[-+](?=\d)", lambda sign: f"${sign.group()}$", text)  # signs, and no hyphens
+    return text.replace("±", r"$\pm$").replace("−", "$-$")

@@ -70,7 +70,7 @@ def seeds_of(results: Results, one: str, other: str) -> str:
 
 
 def said(found: Interval, at: str = "") -> str:
-    """What may be said of a difference in points: it is claimed only where the interval leaves out zero.
+    """What may be said of a difference in points: it is claimed only where the interval is clear of zero.
 
     Args:
         found: the difference.
