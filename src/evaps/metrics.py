@@ -5,6 +5,7 @@ Rows of several methods and seeds may lie in one file or in many; each (method, 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -207,6 +208,15 @@ class Results:
     def first(self, method: str) -> MethodResults:
         """The results of a method's first seed."""
         return self.by_method[method][0]
+
+    def timed(self, method: str) -> list[MethodResults]:
+        """The results of a method whose seconds may be told beside others': those on the usual machine.
+
+        That is the one that most results are of; where a method was never judged on it, all of its results.
+        """
+        usual = Counter(str(run.fact("machine")) for run in self.each()).most_common(1)[0][0]
+        runs = self.by_method[method]
+        return [run for run in runs if str(run.fact("machine")) == usual] or runs
 
     def of_tasks(self, tasks: Collection[int]) -> Results:
         """The same results on some of the tasks only."""

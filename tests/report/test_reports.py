@@ -357,7 +357,7 @@ def test_learning_tells_seeds_apart_and_leaves_out_who_was_not_validated(tmp_pat
     (tmp_path / "sed-0.jsonl").write_text('{"step": 1, "loss": 2}\n')
     made = learning(tmp_path)
     assert list(made.panels["loss of a token"]) == ["EVAPS+S", "LGRL, seed 0", "LGRL, seed 1"]
-    assert not made.share_y, "a loss and a share have nothing in common"
+    assert not made.alike, "a loss and a share have nothing in common"
 
 
 def test_signs_that_latex_knows_otherwise_are_escaped() -> None:
@@ -429,4 +429,20 @@ def test_a_short_table_has_one_row_for_all_seeds_of_a_method(tmp_path: Path) -> 
     values = summary_values(Results.read(tmp_path))[0]
     assert (values["method"], values["tasks"], values["seeds"], values["exact@5"]) == ("lgrl", 2, 2, 0.75)
     pooled = answer_table([tmp_path]).splitlines()[2].split(" | ")
-    assert (pooled[0], pooled[1], pooled[3]) == ("| LGRL", "2", "50.0 %")
+    assert (pooled[0], pooled[1], pooled[2], pooled[4]) == ("| LGRL", "2", "2", "50.0 %")
+
+
+def test_seconds_are_told_of_the_usual_machine_alone() -> None:
+    slow = [row | {"machine": "another", "seconds": 9.0} for row in rows("lgrl", [0], seed=1)]
+    alone = [row | {"machine": "another", "seconds": 7.0} for row in rows("sed", [0])]
+    results = results_of(rows("lgrl", [0]), slow, rows("naive", [0]), alone)
+    values = {row["method"]: (row["seconds"], row["seeds"]) for row in summary_values(results)}
+    assert values == {"lgrl": (1.0, 2), "naive": (1.0, 1), "sed": (7.0, 1)}
+
+
+def test_a_method_judged_on_fewer_tasks_says_so() -> None:
+    figure = actions(results_of(rows("lgrl", [0, 0]), rows("blind", [0])))
+    assert list(figure.panels["answers"]) == [
+        "LGRL",
+        "blind: draws from the prior until one passes (1 tasks)",
+    ]

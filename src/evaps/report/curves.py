@@ -136,7 +136,10 @@ def actions(results: Results) -> Figure:
 
 def seconds(results: Results) -> Figure:
     """How many tasks have an answer that passes and generalizes, against the seconds that it took."""
-    notes = [CHARGED, f"{_machines(results)} Seconds of different ones do not compare."]
+    machines = (
+        "Seconds of different ones do not compare: of each method only the seeds on the usual one count."
+    )
+    notes = [CHARGED, f"{_machines(results)} {machines}"]
     return _budget(results, "seconds", np.geomspace(0.1, 100, 25), "seconds", notes)
 
 
@@ -151,7 +154,7 @@ def _budget(
     lines = {}
     most = max(len(run.tasks) for run in results.each())
     for method, runs in results.by_method.items():
-        answers = [row for run in runs for row in run.answers()]
+        answers = [r for run in (results.timed(method) if key == "seconds" else runs) for r in run.answers()]
         right = np.array([r["pairs_passed"] == EXAMPLES and r[GOAL] for r in answers])
         cost = np.array([r[key] for r in answers])
         shares = [100 * float((right & (cost <= limit)).mean()) for limit in limits]
@@ -175,7 +178,7 @@ def learning(folder: Path) -> Figure:
         name = name_of(method)
         label = name + (f", seed {seed}" if trainings[method] > 1 else "")
         for title, key, factor in LEARNED:
-            if found := [row for row in rows if key in row and _belongs(row, key)]:
+            if found := [row for row in rows if key in row and _belongs(method, row, key)]:
                 batches = [row["step"] + 1 for row in found]
                 values = [factor * row[key] for row in found]
                 dashes = int(seed) if seed.isdigit() else 0
@@ -183,9 +186,15 @@ def learning(folder: Path) -> Figure:
     there = {title: lines for title, lines in panels.items() if lines}
     scale = f"The paper, which shows no such figure: {PAPER}."
     notes = ["A line is one training; only those are here whose curve was kept.", scale]
-    return Figure(there, "batches", "validation", share_y=False, notes=notes)
+    return Figure(there, "batches", "validation", alike=False, notes=notes)
 
 
-def _belongs(row: Mapping[str, float], key: str) -> bool:
-    """Synthesizers and repairers both know semantic matches, of different things."""
+def _belongs(method: str, row: Mapping[str, float], key: str) -> bool:
+    """Whether methods with this metric mean the same by it.
+
+    Synthesizers and repairers both know semantic matches, of different things; who makes all edits at once
+    has a likelihood of all of them together.
+    """
+    if key == "validation_likelihood":
+        return method != "evaps-parallel"
     return key != "validation_semantic" or "validation_likelihood" in row

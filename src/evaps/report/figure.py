@@ -50,14 +50,14 @@ class Line:
 
 @dataclass(frozen=True)
 class Figure:
-    """Panels side by side that share their first axis.
+    """Panels side by side, with the same kind of thing along their first axis.
 
     Attributes:
         panels: for each panel its title and its lines by their names.
         x: what the first axis shows, with its unit.
         y: what the second axis shows, with its unit.
         log: whether the first axis is logarithmic.
-        share_y: whether all panels have one second axis.
+        alike: whether all panels show the same, on the same axes.
         notes: sentences for those who read it as a table: scale, and what the paper has.
     """
 
@@ -65,7 +65,7 @@ class Figure:
     x: str
     y: str
     log: bool = False
-    share_y: bool = True
+    alike: bool = True
     notes: Sequence[str] = ()
 
     def styles(self) -> dict[str, dict[str, Any]]:
@@ -118,7 +118,9 @@ class Figure:
         from matplotlib.lines import Line2D
 
         styles = self.styles()
-        axes = canvas.subplots(rows, columns, sharex=True, sharey=self.share_y, squeeze=False).ravel()
+        axes = canvas.subplots(
+            rows, columns, sharex=self.alike, sharey="row" if self.alike else False, squeeze=False
+        ).ravel()
         for ax, (title, lines) in zip(axes, self.panels.items(), strict=False):
             self._panel(ax, title, lines, styles)
         for ax in axes[len(self.panels) :]:
@@ -136,7 +138,7 @@ class Figure:
                 ax.fill_between(line.x, line.low, line.high, color=style["color"], alpha=0.15, linewidth=0)
         ax.set(title=title, xlabel=self.x, ylabel=self.y)
         ax.tick_params(labelbottom=True)  # a panel may have none below it
-        if self.share_y and not ax.get_subplotspec().is_first_col():
+        if self.alike and not ax.get_subplotspec().is_first_col():
             ax.set_ylabel("")
         ax.grid(alpha=0.3)
         if self.log:

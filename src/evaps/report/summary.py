@@ -23,7 +23,8 @@ from evaps.tasks.task import EXAMPLES
 def summary_table(results: Results, beside_paper: bool = False) -> str:
     """Markdown: for each method the metrics at top-1 / 5 / 20 and its answer in %, and its cost a task.
 
-    Means over seeds; how many there are stands there where a method has several.
+    Means over seeds; how many there are stands there where a method has several. Seconds are of the seeds
+    that were judged on the usual machine (`Results.timed`).
 
     Args:
         results: of which methods.
@@ -39,7 +40,7 @@ def summary_table(results: Results, beside_paper: bool = False) -> str:
         cells += [" / ".join(_mean(results.top(method, m, k)) for k in TOP) for m in METRICS]
         if beside_paper:
             cells.append(" / ".join(f"{share:.1f}" for share in GENERALIZATION.get(method, ())))
-        answered, seconds, actions = _answers_and_costs(runs)
+        answered, seconds, actions = _answers_and_costs(results, method)
         table.append([*cells, f"{100 * answered:.1f}", f"{seconds:.2f}", f"{actions:.0f}"])
     return markdown_cells(head, table)
 
@@ -49,13 +50,12 @@ def _mean(values: Float[np.ndarray, " seed"]) -> str:
     return "-" if np.isnan(values).any() else f"{values.mean():.1f}"
 
 
-def _answers_and_costs(runs: Sequence[MethodResults]) -> tuple[float, float, float]:
+def _answers_and_costs(results: Results, method: str) -> tuple[float, float, float]:
     """The share of answers that generalize, and a task's seconds and simulated actions; means."""
-    each = [
-        (run.answered().mean(), run.column("seconds").mean(), run.column("simulated_actions").mean())
-        for run in runs
-    ]
-    answered, seconds, actions = np.mean(each, axis=0)
+    runs = results.by_method[method]
+    answered = np.mean([run.answered().mean() for run in runs])
+    seconds = np.mean([run.column("seconds").mean() for run in results.timed(method)])
+    actions = np.mean([run.column("simulated_actions").mean() for run in runs])
     return float(answered), float(seconds), float(actions)
 
 
@@ -71,16 +71,22 @@ def summary_values(results: Results) -> list[dict[str, Any]]:
             for k in TOP:
                 share = float(results.top(method, metric, k).mean()) / 100
                 values[f"{TITLES[metric]}@{k}"] = None if np.isnan(share) else share
-        values |= zip(("answer", "seconds", "simulated_actions"), _answers_and_costs(runs), strict=True)
+        values |= zip(
+            ("answer", "seconds", "simulated_actions"), _answers_and_costs(results, method), strict=True
+        )
         found.append(values)
     return found
 
 
 def answer_table(rows: Sequence[Path]) -> str:
-    """Markdown: the one answer of each method that the files have rows of, of all seeds, and its cost."""
+    """Markdown: the one answer of each method that the files have rows of, of all seeds, and its cost.
+
+    Seconds are of the seeds that were judged on the usual machine (`Results.timed`).
+    """
     head = [
         "method",
         "tasks",
+        "seeds",
         "passes all five",
         "generalizes",
         "seconds, median",
@@ -90,15 +96,17 @@ def answer_table(rows: Sequence[Path]) -> str:
     ]
     table = []
     for path in rows:
-        for method, runs in Results.read(path).by_method.items():
+        results = Results.read(path)
+        for method, runs in results.by_method.items():
             answers = [answer for run in runs for answer in run.answers()]
             solved = [row["pairs_passed"] == EXAMPLES for row in answers]
             right = [row["generalization_state"] for row in answers]
-            seconds = np.percentile([row["seconds"] for row in answers], [50, 95])
+            times = np.concatenate([run.column("seconds") for run in results.timed(method)])
+            seconds = np.percentile(times, [50, 95])
             actions = np.percentile([row["simulated_actions"] for row in answers], [50, 95])
             cells = [f"{100 * np.mean(x):.1f} %" for x in (solved, right)]
             cells += [f"{x:.2f}" for x in seconds] + [f"{x:.0f}" for x in actions]
-            table.append([name_of(method), str(len(runs[0].tasks)), *cells])
+            table.append([name_of(method), str(len(runs[0].tasks)), str(len(runs)), *cells])
     return markdown_cells(head, table)
 
 

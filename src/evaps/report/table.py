@@ -73,9 +73,10 @@ class Table:
 
 
 def csv_of(rows: Iterable[Sequence[str]]) -> str:
-    """Rows as comma-separated values."""
+    """Rows as comma-separated values; numbers without commas for their thousands."""
     out = io.StringIO()
-    csv.writer(out, lineterminator="\n").writerows(rows)
+    bare = ([re.sub(r"(?<=\d),(?=\d{3}\b)", "", cell) for cell in row] for row in rows)
+    csv.writer(out, lineterminator="\n").writerows(bare)
     return out.getvalue()
 
 
