@@ -51,6 +51,11 @@ def test_unknown_names_are_refused(tmp_path: Path) -> None:
         new_method("best")
 
 
+def test_a_method_without_a_checkpoint_can_be_trained(tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match="no checkpoint of sed; train it with: evaps train sed"):
+        load_method(tmp_path, "sed")
+
+
 def test_what_was_trained_with_another_encoder_is_refused(tmp_path: Path) -> None:
     save_checkpoint(tmp_path / "encoder", Encoder(EncoderConfig()), "encoder", {})
     for name in ("lgrl", "evaps"):

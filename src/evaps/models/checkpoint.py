@@ -60,6 +60,11 @@ def read_config(folder: Path, name: str) -> dict[str, Any]:
     """
     try:
         config = json.loads((folder / "config.json").read_text())
+    except FileNotFoundError:
+        raise CheckpointError(
+            f"{folder} holds no checkpoint of {name}; train it with: "
+            f"evaps train {name} --data DATA --out {folder.parent}"
+        ) from None
     except (OSError, ValueError) as error:
         raise CheckpointError(f"{folder} holds no checkpoint of {name}: {error}") from None
     if not isinstance(config, dict):
