@@ -165,6 +165,7 @@ def make(plan: Plan) -> None:
             for needed in with_what_is_needed((method,)):
                 make_checkpoint(plan, seed, needed)
             make_rows(plan, seed, method, noise)
+            keep_curves(plan, seed, method)
     for method in SHIP if plan.ship else ():
         ship(plan, method)
     written = report("all", plan.results / "methods", plan.results / "report")
@@ -250,11 +251,6 @@ def make_checkpoint(plan: Plan, seed: int, method: str) -> None:
         take(shipped, folder)
     if not (folder / "config.json").exists():
         train(method, plan.data, plan.runs(seed), plan.scale, seed, Workers(plan.workers))
-    for metrics in folder.rglob("metrics.jsonl") if method in METHODS else ():
-        part = "-".join([method, *metrics.relative_to(folder).parts[:-1]])  # latent-execution-retrained
-        target = plan.results / "methods" / "curves" / f"{part}-{seed}.jsonl"
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(metrics, target)
 
 
 def take(checkpoint: Path, folder: Path) -> None:
@@ -302,6 +298,16 @@ def judge(
     evaluate(
         plan.data, path, str(runs), methods, tasks=plan.tasks, workers=workers, noise=noise, actions=actions
     )
+
+
+def keep_curves(plan: Plan, seed: int, method: str) -> None:
+    """Copy the curve of each part of a training, such as latent-execution-retrained, beside the rows."""
+    folder = plan.runs(seed) / method
+    for metrics in folder.rglob("metrics.jsonl"):
+        part = "-".join([method, *metrics.relative_to(folder).parts[:-1]])
+        target = plan.results / "methods" / "curves" / f"{part}-{seed}.jsonl"
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(metrics, target)
 
 
 def noise_page(results: Path) -> str:
