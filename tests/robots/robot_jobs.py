@@ -72,3 +72,4 @@ def play_for_ever(robot: MemoRobot, seed: int) -> None:
         robot.forget()
         robot.reset(random_scene(np.random.default_rng(seed + i)))
         robot.act("ATTACK")
+        Path(f"plays-{os.getpid()}").touch()  # its engine has started, which happens when it is needed

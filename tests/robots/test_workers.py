@@ -160,7 +160,8 @@ def test_a_second_ctrl_c_leaves_no_engine_behind_either(engines: Engines, tmp_pa
 def test_a_killed_parent_leaves_nothing_behind(engines: Engines, tmp_path: Path, workers: int) -> None:
     job, started = start_job(tmp_path, workers, engines)
     children = Path(f"/proc/{job.pid}/task/{job.pid}/children").read_text().split()
-    time.sleep(1)  # engines that have only just started may leave three small files of shared memory
+    # an engine that is just being started may leave small files of shared memory
+    assert wait_for(lambda: len(list(tmp_path.glob("plays-*"))) == max(workers, 1))
     traces = [trace for pid in started for trace in traces_of(pid)]
     assert len(traces) >= 2 * len(started)
     job.kill()
