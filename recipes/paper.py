@@ -165,7 +165,8 @@ def make(plan: Plan) -> None:
             for needed in with_what_is_needed((method,)):
                 make_checkpoint(plan, seed, needed)
             make_rows(plan, seed, method, noise)
-            keep_curves(plan, seed, method)
+            if noise is None:
+                keep_curves(plan, seed, method)
     for method in SHIP if plan.ship else ():
         ship(plan, method)
     written = report("all", plan.results / "methods", plan.results / "report")

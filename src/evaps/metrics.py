@@ -105,6 +105,11 @@ class MethodResults:
         programs = ({a["program"] for row in self.first(t, k) for a in _attempts(row)} for t in self.tasks)
         return float(np.mean([len(distinct) for distinct in programs]))
 
+    @property
+    def most_attempts(self) -> int:
+        """As many programs as were run at most for one candidate: itself and its repairs."""
+        return max(len(_attempts(row)) for row in self.each())
+
     def first(self, task: int, k: int) -> list[Row]:
         """The first ``k`` candidates of a task."""
         return [row for row in self.rows[task] if row["rank"] < k]
@@ -128,8 +133,14 @@ Judge = Callable[[MethodResults], Bool[np.ndarray, " task"]]
 """Says for each task whether it is solved."""
 
 
-def _among_first(metric: str, k: int) -> Judge:
+def among_first(metric: str, k: int) -> Judge:
+    """Solved if one of the first candidates matches."""
     return lambda run: run.matches(metric, k)
+
+
+def answered_among(k: int) -> Judge:
+    """Solved if the answer among the first candidates generalizes."""
+    return lambda run: run.answered(k)
 
 
 class Results:
@@ -209,14 +220,18 @@ class Results:
         """The results of a method's first seed."""
         return self.by_method[method][0]
 
+    @cached_property
+    def usual_machine(self) -> str:
+        """The one that most results are of."""
+        return Counter(str(run.fact("machine")) for run in self.each()).most_common(1)[0][0]
+
     def timed(self, method: str) -> list[MethodResults]:
         """The results of a method whose seconds may be told beside others': those on the usual machine.
 
-        That is the one that most results are of; where a method was never judged on it, all of its results.
+        Where it was never judged on it, all of its results.
         """
-        usual = Counter(str(run.fact("machine")) for run in self.each()).most_common(1)[0][0]
         runs = self.by_method[method]
-        return [run for run in runs if str(run.fact("machine")) == usual] or runs
+        return [run for run in runs if str(run.fact("machine")) == self.usual_machine] or runs
 
     def of_tasks(self, tasks: Collection[int]) -> Results:
         """The same results on some of the tasks only."""
@@ -266,7 +281,7 @@ class Results:
         for method in (better, worse):
             if any(max(ks) > run.asked for run in self.by_method[method]):
                 raise ValueError(f"{method} was not asked for {max(ks)} candidates")
-        gains = [self.gains(better, worse, _among_first(metric, k)) for k in ks]
+        gains = [self.gains(better, worse, among_first(metric, k)) for k in ks]
         return bootstraps(np.stack(gains), seed, draws)
 
     def gains(

@@ -100,12 +100,15 @@ def test_every_two_methods_are_compared_where_they_can_be() -> None:
     assert "9 intervals" in table.notes[-1]
 
 
-def test_as_many_candidates_are_looked_at_as_a_repairer_runs() -> None:
+@pytest.mark.parametrize("rounds", [3, 5])
+def test_as_many_candidates_are_looked_at_as_a_repairer_runs(rounds: int) -> None:
     looked_at = rows("lgrl", [3] * 8)
     for row in looked_at:
         row["pairs_passed"] = 5 * (row["rank"] == 3)
-    note = checked(results_of(looked_at, rows("evaps", [None] * 8))).notes[-1]
-    assert "Of the first 6 candidates of LGRL" in note
+    repaired = rows("evaps", [None] * 8)
+    repaired[1]["attempts"] = [{"program": "m( MOVE m)", "pairs_passed": 0}] * (1 + rounds)
+    note = checked(results_of(looked_at, repaired)).notes[-1]
+    assert f"Of the first {1 + rounds} candidates of LGRL" in note
     assert "first of EVAPS (one seed): better, +100.0 points" in note
 
 

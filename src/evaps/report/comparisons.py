@@ -8,13 +8,13 @@ from itertools import combinations
 import numpy as np
 
 from evaps.bootstrap import bootstrap
-from evaps.metrics import TOP, Results
+from evaps.metrics import TOP, Results, among_first, answered_among
 from evaps.report.names import name_of
 from evaps.report.table import Table
 from evaps.report.tables import BEFORE, TABLE_1, TABLE_2
 from evaps.report.wording import GOAL, mean_and_deviation, said, scale_note, seeds_of
 
-CHECKED = (1, 2, 3, 6, 20)  # candidates; a repairer runs about six programs for its first one
+CHECKED = (1, 2, 3, 6, 20)  # candidates; for its first one a repairer runs six programs in five rounds
 
 
 def frames(results: Results) -> Table:
@@ -70,14 +70,12 @@ def checked(results: Results) -> Table:
 
 
 def _as_many_looked_at(results: Results) -> Iterator[str]:
-    """A repairer runs about six programs for its first candidate: what six of its synthesizer's are worth."""
-    few = 6
+    """What as many of the synthesizer's candidates are worth as a repairer runs at most for its first one."""
     there = [m for m in TABLE_2 if m in results.methods]
     for method in there[1:] if BEFORE in there else ():
+        few = max(run.most_attempts for run in results.by_method[method])
         try:
-            gains = results.gains(
-                BEFORE, method, lambda run: run.answered(few), lambda run: run.matches(GOAL, 1)
-            )
+            gains = results.gains(BEFORE, method, answered_among(few), among_first(GOAL, 1))
         except ValueError:  # not judged on the same tasks with the same seeds
             continue
         yield (

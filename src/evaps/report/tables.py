@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from evaps.bootstrap import Interval
@@ -56,7 +58,7 @@ def table_2(results: Results) -> Table:
         [
             names[method],
             *(_cell(results, method, GOAL, k) for k in TOP),
-            *map(_gain_cell, gains[method]),
+            *("" if gain is None else str(gain) for gain in gains[method]),
             str(len(results.by_method[method])),
         ]
         for method in methods
@@ -67,7 +69,7 @@ def table_2(results: Results) -> Table:
     if base:
         said = f"Gains are over {names[base]}, in points, over the seeds that both have, with 95 % intervals."
         notes.insert(1, said)
-        gained = {names[m]: gains[m] for m in methods}
+        gained = {names[m]: [None if gain is None else gain.dot for gain in gains[m]] for m in methods}
         panels.append(Panel(f"gain over {name_of(base)}", "points, 95 % interval", gained))
     title = "What the parts of EVAPS add; the paper's in brackets"
     return Table(title, head, rows, notes, number=2, picture=DotPlot(panels, SERIES))
@@ -89,8 +91,29 @@ def _dot(results: Results, method: str, metric: str, k: int) -> Dot | None:
     return Dot(mean, mean - deviation, mean + deviation, _published(metric, method, k))
 
 
-def _gain(results: Results, method: str, base: str | None, k: int) -> Dot | None:
-    """How many points a method is ahead, with its interval; none if that cannot be said."""
+@dataclass(frozen=True)
+class Gain:
+    """How many points a method is ahead of another one.
+
+    Attributes:
+        ours: with its interval.
+        paper: the same in the paper, if it says.
+    """
+
+    ours: Interval
+    paper: float | None
+
+    def __str__(self) -> str:
+        return f"{self.ours}" if self.paper is None else f"{self.ours} ({self.paper:+.1f})"
+
+    @property
+    def dot(self) -> Dot:
+        """What is drawn of it."""
+        return Dot(self.ours.mean, self.ours.low, self.ours.high, self.paper)
+
+
+def _gain(results: Results, method: str, base: str | None, k: int) -> Gain | None:
+    """None if it cannot be said."""
     if base is None or method == base:
         return None
     try:
@@ -99,14 +122,7 @@ def _gain(results: Results, method: str, base: str | None, k: int) -> Dot | None
         return None
     both = [_published(GOAL, m, k) for m in (method, base)]
     paper = None if both[0] is None or both[1] is None else both[0] - both[1]
-    return Dot(found.mean, found.low, found.high, paper)
-
-
-def _gain_cell(gain: Dot | None) -> str:
-    if gain is None:
-        return ""
-    paper = "" if gain.paper is None else f" ({gain.paper:+.1f})"
-    return f"{Interval(gain.value, gain.low, gain.high)}{paper}"
+    return Gain(found, paper)
 
 
 def _published(metric: str, method: str, k: int) -> float | None:
