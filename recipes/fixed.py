@@ -36,7 +36,8 @@ def judged(programs: Sequence[Program], dataset: Dataset) -> np.ndarray[tuple[in
     judge = Judge(dataset)
     tasks = dataset.split("test")[:TASKS]
     for position in track(tasks[len(solving) :], len(tasks), "tasks", len(solving)):
-        solving.append([str(program) for program in judge.solving(position, programs)])
+        right = judge.generalize(position, programs)
+        solving.append([str(program) for program, solves in zip(programs, right, strict=True) if solves])
         write_atomically(part, "".join(",".join(texts) + "\n" for texts in solving).encode())
     return np.array([[str(program) in texts for program in programs] for texts in solving])
 

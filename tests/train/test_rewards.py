@@ -35,14 +35,17 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 @pytest.mark.parametrize(("scenes", "reward"), [(6, 1.0), (5, -1.0), (0, -1.0)])
-def test_a_program_is_right_if_it_is_in_all_six_scenes(scenes: int, reward: float) -> None:
+def test_a_program_is_right_if_it_is_in_all_six_scenes(
+    scenes: int, reward: float, dataset: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
     torch.manual_seed(0)
     model = LGRL(LGRLConfig(feature=32, pair=64, embedding=64, hidden=128))
-    verdict = np.arange(6) < scenes
+    judge = Judge(dataset)
+    monkeypatch.setattr(judge, "passed", lambda _, programs: np.full(len(programs), scenes))
     run: Any = SimpleNamespace(
         scale=replace(SCALES["smoke"], rl_beam=4, rl_draws=2),
         task_features=lambda positions: torch.randn(len(positions), 5, 2, 32),
-        judge=SimpleNamespace(matches=lambda _, programs: np.tile(verdict, (len(programs), 1))),
+        judge=judge,
     )
     loss, metrics = reward_loss(run, model, [0, 1])
     assert metrics["reward"] == pytest.approx(reward)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Bool, Int
 
 from evaps.dsl import Program
 from evaps.dsl.sampler import PERCEPTION_KEYS
@@ -19,7 +20,7 @@ FRAME_BUDGET = 32 << 20  # bytes; only ends are looked at, and no frame a second
 
 
 class Judge:
-    """Runs programs on tasks of a data set, on a robot of its own, and remembers the verdicts.
+    """Runs programs on tasks of a data set, on a robot of its own, and remembers how far each came.
 
     Args:
         dataset: whose tasks.
@@ -28,47 +29,41 @@ class Judge:
     def __init__(self, dataset: Dataset) -> None:
         self._dataset = dataset
         self._robot = MemoRobot(world().robot(), PERCEPTION_KEYS, eager=False, budget=FRAME_BUDGET)
-        self._verdicts: dict[tuple[int, Program], np.ndarray[tuple[int], np.dtype[np.bool_]]] = {}
+        self._passed: dict[tuple[int, Program], int] = {}
 
-    def semantic(self, position: int, program: Program) -> bool:
-        """Whether it ends on the five specification scenes in the same states."""
-        return bool(self.matches(position, [program])[0, :EXAMPLES].all())
+    def passed(self, position: int, programs: Sequence[Program]) -> Int[np.ndarray, " program"]:
+        """In how many of the six scenes, in order, each program ends in the right state until it fails.
 
-    def share_right(self, positions: Sequence[int], programs: Sequence[Program | None]) -> float:
-        """The share of tasks on which a program matches semantically; without a program none does."""
-        pairs = zip(positions, programs, strict=True)
-        return float(np.mean([p is not None and self.semantic(position, p) for position, p in pairs]))
-
-    def matches(
-        self, position: int, programs: Sequence[Program]
-    ) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
-        """For each program and each of the task's six scenes, whether it ends in the right state.
+        Who fails in one is not run in the next: most fail in the first.
 
         Args:
             position: of the task.
             programs: run together.
         """
-        new = [p for p in dict.fromkeys(programs) if (position, p) not in self._verdicts]
+        new = [p for p in dict.fromkeys(programs) if (position, p) not in self._passed]
         if new:
             row = self._dataset.rows[position]
             self._robot.forget()
-            columns = [
-                self._ends(new, Scene.from_json(scene), WorldState.from_json(state))
-                for scene, state in zip(row["scenes"], row["states"], strict=True)
-            ]
-            for program, verdict in zip(new, np.array(columns).T, strict=True):
-                self._verdicts[position, program] = verdict
-        return np.stack([self._verdicts[position, p] for p in programs])
+            self._passed |= dict.fromkeys(((position, program) for program in new), 0)
+            for scene, state in zip(row["scenes"], row["states"], strict=True):
+                ends = self._ends(new, Scene.from_json(scene), WorldState.from_json(state))
+                new = [program for program, right in zip(new, ends, strict=True) if right]
+                for program in new:
+                    self._passed[position, program] += 1
+        return np.array([self._passed[position, p] for p in programs], np.int64)
 
-    def solving(self, position: int, programs: Sequence[Program]) -> list[Program]:
-        """Those that end right in all six scenes; who fails in one is not run in the next."""
-        row = self._dataset.rows[position]
-        self._robot.forget()
-        left = list(programs)
-        for scene, state in zip(row["scenes"], row["states"], strict=True):
-            ends = self._ends(left, Scene.from_json(scene), WorldState.from_json(state))
-            left = [program for program, right in zip(left, ends, strict=True) if right]
-        return left
+    def generalize(self, position: int, programs: Sequence[Program]) -> Bool[np.ndarray, " program"]:
+        """Which programs end in all six scenes in the right states."""
+        return self.passed(position, programs) > EXAMPLES
+
+    def solve(self, position: int, programs: Sequence[Program]) -> Bool[np.ndarray, " program"]:
+        """Which programs end in the five specification scenes in the right states."""
+        return self.passed(position, programs) >= EXAMPLES
+
+    def share_right(self, positions: Sequence[int], programs: Sequence[Program | None]) -> float:
+        """The share of tasks that a program solves; without a program none is."""
+        pairs = zip(positions, programs, strict=True)
+        return float(np.mean([p is not None and self.solve(position, [p])[0] for position, p in pairs]))
 
     def _ends(self, programs: Sequence[Program], scene: Scene, state: WorldState) -> list[bool]:
         traces = run_together(programs, scene, self._robot)

@@ -68,7 +68,7 @@ def reward_loss(run: Run, model: Synthesizer, positions: Sequence[int]) -> tuple
         for position, programs, given in zip(positions, groups, features, strict=True):
             if not programs:
                 continue
-            right = run.judge.matches(position, programs).all(1)
+            right = run.judge.generalize(position, programs)
             rewards = torch.from_numpy(np.where(right, 1.0, -1.0)).float().to(device())
             lessons = Lessons.of([VOCAB.encode(p.tokens) for p in programs])
             repeated = given[None].expand(len(programs), *given.shape)

@@ -108,18 +108,15 @@ class Validation:
         first: list[Program | None] = [beam[0] if beam else None for beam in beams]
         golds = [tuple(VOCAB.decode(self.run.programs[p])) for p in self.tasks]
         exact = [p is not None and p.tokens == gold for p, gold in zip(first, golds, strict=True)]
-        solved = float(np.mean([self._solved(p, beam) for p, beam in zip(self.tasks, beams, strict=True)]))
+        solved = [self.run.judge.solve(p, beam).any() for p, beam in zip(self.tasks, beams, strict=True)]
         loss = float(np.mean(list(self._losses())))
         return {
             "semantic": self.run.judge.share_right(self.tasks, first),
             "exact": float(np.mean(exact)),
-            "solved": solved,
+            "solved": float(np.mean(solved)),
             "loss": loss,
-            "score": solved - loss,
+            "score": float(np.mean(solved)) - loss,
         }
-
-    def _solved(self, position: int, beam: Sequence[Program]) -> bool:
-        return any(self.run.judge.semantic(position, program) for program in beam)
 
     def _losses(self) -> Iterator[float]:
         for start in range(0, len(self.tasks), 64):
@@ -149,4 +146,4 @@ def _own_targets(
 
 def _own_programs(run: Run, model: Synthesizer, positions: Sequence[int]) -> list[tuple[int, str]]:
     beams = zip(positions, run.beam(model, positions, 1), strict=True)
-    return [(p, str(beam[0])) for p, beam in beams if beam and run.judge.matches(p, beam[:1]).all()]
+    return [(p, str(beam[0])) for p, beam in beams if beam and run.judge.generalize(p, beam[:1]).all()]
