@@ -44,7 +44,7 @@ def test_a_program_is_right_if_it_is_in_all_six_scenes(
     monkeypatch.setattr(judge, "passed", lambda _, programs: np.full(len(programs), scenes))
     run: Any = SimpleNamespace(
         scale=replace(SCALES["smoke"], rl_beam=4, rl_draws=2),
-        task_features=lambda positions: torch.randn(len(positions), 5, 2, 32),
+        task_features=lambda positions, _: torch.randn(len(positions), 5, 2, 32),
         judge=judge,
     )
     loss, metrics = reward_loss(run, model, [0, 1])
@@ -59,7 +59,7 @@ def test_rewards_teach_32_tasks(dataset: Dataset) -> None:
     judge = Judge(dataset)
     run: Any = SimpleNamespace(
         scale=replace(SCALES["smoke"], rl_beam=8, rl_draws=1),
-        task_features=lambda positions: features[positions],
+        task_features=lambda positions, _: features[positions],
         judge=judge,
     )
     lessons = Lessons.of([VOCAB.encode(program.split()) for program in dataset.rows.column("program")])

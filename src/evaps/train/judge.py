@@ -42,15 +42,21 @@ class Judge:
         """
         new = [p for p in dict.fromkeys(programs) if (position, p) not in self._passed]
         if new:
-            row = self._dataset.rows[position]
-            self._robot.forget()
-            self._passed |= dict.fromkeys(((position, program) for program in new), 0)
-            for scene, state in zip(row["scenes"], row["states"], strict=True):
-                ends = self._ends(new, Scene.from_json(scene), WorldState.from_json(state))
-                new = [program for program, right in zip(new, ends, strict=True) if right]
-                for program in new:
-                    self._passed[position, program] += 1
+            passed = self._run(position, new)
+            self._passed |= {(position, program): count for program, count in passed.items()}
         return np.array([self._passed[position, p] for p in programs], np.int64)
+
+    def _run(self, position: int, programs: Sequence[Program]) -> dict[Program, int]:
+        row = self._dataset.rows[position]
+        self._robot.forget()
+        passed = dict.fromkeys(programs, 0)
+        left = list(programs)
+        for scene, state in zip(row["scenes"], row["states"], strict=True):
+            ends = self._ends(left, Scene.from_json(scene), WorldState.from_json(state))
+            left = [program for program, right in zip(left, ends, strict=True) if right]
+            for program in left:
+                passed[program] += 1
+        return passed
 
     def generalize(self, position: int, programs: Sequence[Program]) -> Bool[np.ndarray, " program"]:
         """Which programs end in all six scenes in the right states."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -12,9 +13,10 @@ from torch import Tensor
 from evaps.dsl import VOCAB
 from evaps.models.base import Synthesizer
 from evaps.models.beam import beam_search
-from evaps.models.compute import autocast, device
+from evaps.models.compute import autocast
 from evaps.models.dropout import without_dropout
-from evaps.train.batches import batch_at
+from evaps.tasks.task import EXAMPLES
+from evaps.train.batches import batch_at, rotating_pairs
 from evaps.train.lessons import Lessons
 from evaps.train.loop import FitConfig, Share, fit
 from evaps.train.reinforce import expected_best
@@ -34,7 +36,6 @@ def train_on_rewards(run: Run, model: Synthesizer, start: str) -> Path:
         seed=run.seed,
         warmup=10,
         validate_every=100,
-        patience=scale.patience,
         log_every=10,
     )
     train = run.dataset.split("train")
@@ -42,51 +43,57 @@ def train_on_rewards(run: Run, model: Synthesizer, start: str) -> Path:
     rows_at = batch_at(alike, scale.rl_batch, run.seed + 7)
 
     def loss_at(step: int, share: Share) -> tuple[Tensor, dict[str, float]]:
-        return reward_loss(run, model, [train[i] for i in share.of(rows_at(step))])
+        rows = share.of(rows_at(step))
+        rng = np.random.default_rng([run.seed, 4, step, share.index])
+        return reward_loss(run, model, [train[i] for i in rows], rotating_pairs(len(rows), rng))
 
     made_from = run.made_from(model, "encoder", start)
-    likelihood = Validation(run, model)
+    validation = Validation(run, model)
 
     def validate() -> dict[str, float]:
-        return {**likelihood(), "best_reward": mean_best_reward(run, model, likelihood.tasks)}
+        return {**validation(), "best_reward": mean_best_reward(run, model, validation.tasks)}
 
     folder = run.out / model.name
     metrics = fit(
-        model, loss_at, config, folder, validate, "best_reward", made_from, run.tensorboard, keep_start=True
+        model, loss_at, config, folder, validate, "score", made_from, run.tensorboard, keep_start=True
     )
     return run.save(model, model.name, config, metrics, made_from)
 
 
 def mean_best_reward(run: Run, model: Synthesizer, positions: Sequence[int]) -> float:
-    """What is trained, on held-out tasks: it jumps less than the share of tasks that some programs solve."""
+    """What is trained, on held-out tasks."""
     size = run.scale.rl_batch
     parts = [positions[start : start + size] for start in range(0, len(positions), size)]
     losses = [reward_loss(run, model, part)[0].item() for part in parts]
     return -float(np.average(losses, weights=[len(part) for part in parts]))
 
 
-def reward_loss(run: Run, model: Synthesizer, positions: Sequence[int]) -> tuple[Tensor, dict[str, float]]:
+def reward_loss(
+    run: Run, model: Synthesizer, positions: Sequence[int], pairs: Any = slice(EXAMPLES)
+) -> tuple[Tensor, dict[str, float]]:
     """Minus the expected best reward of a bag of draws from the renormalised beam, a mean over tasks.
 
     With it the ``reward`` of one draw, and the share of tasks whose beam has a right program (``solvable``):
     the others teach nothing.
+
+    Args:
+        run: the training.
+        model: learns; its dropout is off.
+        positions: of the tasks.
+        pairs: which of their examples it is told, as in `Run.task_features`.
     """
     scale = run.scale
-    features = run.task_features(positions)
-    with without_dropout(model):  # the beam, and what it is worth
-        with autocast():
-            groups = [[p.program for p in group] for group in beam_search(model, features, scale.rl_beam)]
-        bests, means, solvable = [], [], []
-        for position, programs, given in zip(positions, groups, features, strict=True):
-            if not programs:
-                continue
-            right = run.judge.generalize(position, programs)
-            rewards = torch.from_numpy(np.where(right, 1.0, -1.0)).float().to(device())
-            lessons = Lessons.of([VOCAB.encode(p.tokens) for p in programs])
-            repeated = given[None].expand(len(programs), *given.shape)
-            scores = model.log_probabilities(repeated, *lessons.batch(range(len(programs))))
-            bests.append(expected_best(scores, rewards, scale.rl_draws))
-            means.append((scores.detach().softmax(-1) * rewards).sum().item())
-            solvable.append(right.any())
-    metrics = {"reward": float(np.mean(means)), "solvable": float(np.mean(solvable))}
+    given = run.task_features(positions, pairs)
+    with without_dropout(model), autocast():  # the beam, and what it is worth
+        beams = [[p.program for p in beam] for beam in beam_search(model, given, scale.rl_beam)]
+        right = [run.judge.generalize(p, beam) for p, beam in zip(positions, beams, strict=True)]
+        lessons = Lessons.of([VOCAB.encode(program.tokens) for beam in beams for program in beam])
+        owner = torch.repeat_interleave(torch.tensor([len(beam) for beam in beams]))
+        scores = model.log_probabilities(given[owner], *lessons.batch(range(len(owner))))
+    bests, means = [], []
+    for score, verdicts in zip(scores.float().split([len(beam) for beam in beams]), right, strict=True):
+        rewards = torch.from_numpy(np.where(verdicts, 1.0, -1.0)).to(score)
+        bests.append(expected_best(score, rewards, scale.rl_draws))
+        means.append((score.detach().softmax(-1) * rewards).sum().item())
+    metrics = {"reward": float(np.mean(means)), "solvable": float(np.mean([v.any() for v in right]))}
     return -torch.stack(bests).mean(), metrics
