@@ -148,6 +148,7 @@ def test_a_checkpoint_says_how_it_was_made(model: Path) -> None:
     facts = json.loads((model / "evaps" / "config.json").read_text())["facts"]
     assert (facts["scale"], facts["seed"], facts["dataset"]["seed"]) == ("smoke", 0, 0)
     assert facts["precision"] in ("bfloat16", "float32")
+    assert (facts["fit"]["steps"], facts["sizes"]["mutations"]) == (8, 1)
     assert facts["made_from"] == {name: hash_of(model / name) for name in ("encoder", "inverse", "lgrl")}
 
 
@@ -199,6 +200,16 @@ def test_latent_execution_is_trained_once_more(model: Path) -> None:
 def test_inferred_trace_says_how_often_its_policy_reaches_the_goals(model: Path) -> None:
     metrics = json.loads((model / "inferred-trace" / "config.json").read_text())["facts"]["metrics"]
     assert {"policy_reaches", "policy_reaches_in_training", "policy_right"} <= metrics.keys()
+
+
+def test_a_dial_of_another_method_does_not_stand_in_the_way(
+    data: Path, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(SCALES, "smoke", replace(SCALES["smoke"], rl_steps=9, policy_tasks=3))
+    train("lgrl", data, model, "smoke")
+    monkeypatch.setitem(SCALES, "smoke", replace(SCALES["smoke"], synthesizer_batch=3))
+    with pytest.raises(UserError, match="other settings"):
+        train("lgrl", data, model, "smoke")
 
 
 def test_another_seed_does_not_go_on_with_it(data: Path, model: Path) -> None:

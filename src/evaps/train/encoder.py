@@ -40,7 +40,7 @@ def train_encoder(run: Run) -> Path:
     model = TransitionModel(sizes).to(device())
     batches = WalkBatches(walks, run.scale.encoder_batch, run.seed)
     config = FitConfig(run.scale.encoder_steps, rate=1e-3, seed=run.seed, validate_every=500)
-    made_from = run.made_from(model)
+    made_from = run.made_from(model, ("walks", "task_walks", "encoder_batch"))
     loss_at, validated = encoder_loss(model, batches), validate(model, batches)
     metrics = fit(
         model, loss_at, config, run.out / "encoder", validated, "counts", made_from, run.tensorboard

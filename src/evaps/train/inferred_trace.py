@@ -29,7 +29,7 @@ def train_inferred_trace(run: Run, model: InferredTrace) -> Path:
     run.start_from_pairs(model)
     train = run.dataset.split("train")
     held = run.dataset.split("validation")[:VALIDATION_TASKS]
-    made_from = run.made_from(model, "encoder", "inverse")
+    made_from = run.made_from(model, ("policy_tasks", "synthesizer_batch"), "encoder", "inverse")
     first = _fit_policy(run, model, train[: run.scale.policy_tasks], held, made_from)
     weights = run.out / model.name / "policy" / "best.pt"
     positions = [*train, *held]

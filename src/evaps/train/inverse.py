@@ -53,7 +53,7 @@ def train_inverse(run: Run) -> Path:
         loss, right = loss_on(np.arange(held_out(len(features))))
         return {"loss": loss.item(), "right": right.float().mean().item()}
 
-    made_from = run.made_from(model, "encoder")
+    made_from = run.made_from(model, ("walks", "task_walks"), "encoder")
     metrics = fit(model, loss_at, config, run.out / "inverse", validate, "right", made_from, run.tensorboard)
     return run.save(model, "inverse", config, metrics, made_from)
 

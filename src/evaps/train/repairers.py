@@ -22,6 +22,7 @@ from evaps.train.loop import FitConfig, Share, fit
 from evaps.train.run import Run
 
 VALIDATION_REPAIRS = 512
+SIZES = ("mistake_tasks", "mutations", "failures", "repairer_steps", "repairer_batch")
 
 
 def train_repairer(run: Run, model: Repairer) -> Path:
@@ -32,7 +33,7 @@ def train_repairer(run: Run, model: Repairer) -> Path:
     config = FitConfig(
         first + second, rate=1e-3, seed=run.seed, validate_every=300, patience=run.scale.patience
     )
-    made_from = run.made_from(model, "encoder", "inverse", PROPOSER)
+    made_from = run.made_from(model, SIZES, "encoder", "inverse", PROPOSER)
     stages = [np.flatnonzero(np.array(train.stages) == stage) for stage in (1, 2)]
     lengths = [[len(train.targets[i].tokens) for i in stage] for stage in stages]
     orders = [batch_at(sizes, run.scale.repairer_batch, run.seed) for sizes in lengths]

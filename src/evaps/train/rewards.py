@@ -47,7 +47,7 @@ def train_on_rewards(run: Run, model: Synthesizer, start: str) -> Path:
         rng = np.random.default_rng([run.seed, 4, step, share.index])
         return reward_loss(run, model, [train[i] for i in rows], rotating_pairs(len(rows), rng))
 
-    made_from = run.made_from(model, "encoder", start)
+    made_from = run.made_from(model, ("rl_batch", "rl_beam", "rl_draws"), "encoder", start)
     validation = Validation(run, model)
 
     def validate() -> dict[str, float]:

@@ -116,12 +116,16 @@ class Run:
                 proposals = beam_search(model, given, beam)
             yield from ([p.program for p in group] for group in proposals)
 
-    def made_from(self, model: Any, *checkpoints: str) -> dict[str, Any]:
-        """All that a training depends on: its scale, its data, the model's sizes and what it starts from."""
-        scale = asdict(self.scale)
-        del scale["tuning_steps"]  # of the encoder, and its weights are known by their hash
+    def made_from(self, model: Any, sizes: Sequence[str], *checkpoints: str) -> dict[str, Any]:
+        """All that a training depends on: sizes of its scale, its data, the model, what it starts from.
+
+        Args:
+            model: what is trained.
+            sizes: the fields of Scale that are read, other than those that FitConfig repeats.
+            checkpoints: whose weights it uses.
+        """
         return {
-            "scale": scale,
+            "sizes": {name: getattr(self.scale, name) for name in sizes},
             "dataset": self.dataset.identity,
             "model": asdict(model.config),
             "checkpoints": {name: hash_of(self.out / name) for name in checkpoints},
@@ -155,6 +159,7 @@ class Run:
             "seed": self.seed,
             "dataset": self.dataset.identity,
             "fit": asdict(config),
+            "sizes": made_from["sizes"],
             "made_from": made_from["checkpoints"],
             "metrics": {key: round(value, 5) for key, value in metrics.items()},
             "commit": self._commit,

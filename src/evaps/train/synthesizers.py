@@ -34,7 +34,8 @@ def train_synthesizer(run: Run, model: Synthesizer) -> Path:
     config = FitConfig(
         scale.synthesizer_steps, rate=1e-3, seed=run.seed, validate_every=500, patience=scale.patience
     )
-    made_from = run.made_from(model, "encoder", "inverse")
+    sizes = ("synthesizer_batch", "retrained_tasks") if model.retrains else ("synthesizer_batch",)
+    made_from = run.made_from(model, sizes, "encoder", "inverse")
     train = run.dataset.split("train")
     targets = [run.programs[p] for p in train]
     metrics = fit_likelihood(run, model, train, targets, config, run.out / model.name, made_from)
