@@ -126,6 +126,17 @@ def test_without_the_graph_tokens_stand_alone() -> None:
     assert int((a != b).any(-1).sum()) == 1
 
 
+@pytest.mark.parametrize(
+    ("graph", "context", "changed"), [(False, False, 1), (True, False, 4), (True, True, 16)]
+)
+def test_how_far_a_token_is_heard(graph: bool, context: bool, changed: int, table: torch.Tensor) -> None:
+    """Alone, along the graph for as many edges as it has layers, or by the LSTM in the whole program."""
+    net = model(observations=False, goal=False, graph=graph, context=context)
+    other = Program.parse(str(PROGRAM).replace("MOVE_RIGHT", "MOVE_BACKWARD"))
+    a, b = (net(Batch.of([execution(p, np.random.default_rng(0))], CPU), table)[0] for p in (PROGRAM, other))
+    assert int((a != b).any(-1).sum()) == changed
+
+
 @pytest.mark.parametrize("flags", [{}, {"observations": False}, {"graph": False}, {"goal": False}])
 def test_neither_the_order_of_pairs_nor_padding_matters(flags: dict[str, bool], table: torch.Tensor) -> None:
     rng = np.random.default_rng(0)

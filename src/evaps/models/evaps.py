@@ -54,6 +54,8 @@ class EvapsConfig:
     """Code symbol alignment (S); off in the ablations Naive and EVAPS+O."""
     goal: bool = True
     """Whether the repairer sees the goal: how it differs from the first, the last and each segment's view."""
+    context: bool = True
+    """Whether an LSTM in either direction goes over the tokens before the decoder (this project's choice)."""
     edits: EditMode = "sequential"
     """Whether tokens are edited one after the other, as in SED, all at once, or all at once and only by
     substitution, the paper's literal words."""
@@ -102,8 +104,8 @@ def _graph(program: Program) -> Data:
 class Evaps(Repairer):
     """Per token ``x_s = [h'_s | O'_s]`` (Eq. 6), a decoder over the tokens, late max-pool over pairs.
 
-    Before the decoder, a bidirectional LSTM goes over the token representations of each pair (this project's
-    choice). The paper edits all tokens at once; whether they are edited one after the other is a flag.
+    Before the decoder, a bidirectional LSTM goes over the token representations of each pair, unless a flag
+    says no (this project's choice). The paper edits all tokens at once; whether they are edited one after the other is a flag.
     """
 
     name = "evaps"
@@ -127,8 +129,9 @@ class Evaps(Repairer):
         ends = (1 + config.observations) * config.pair
         self.ends = nn.Linear(ends, size) if config.goal else None
         self.mix = nn.Linear((1 + config.observations + config.goal) * size, size)
-        self.onwards = nn.LSTM(size, size // 2, batch_first=True)
-        self.backwards = nn.LSTM(size, size // 2, batch_first=True)
+        if config.context:
+            self.onwards = nn.LSTM(size, size // 2, batch_first=True)
+            self.backwards = nn.LSTM(size, size // 2, batch_first=True)
         self.dropout = nn.Dropout(config.dropout)
         self.edits: ParallelEdits | SequentialEdits = (
             SequentialEdits(size, size, dropout=config.dropout)
@@ -142,11 +145,17 @@ class Evaps(Repairer):
         """For each token what its edits are decided on: ``x_s`` in context, max-pooled over the pairs."""
         x = self.represent(batch, table)
         x = self.dropout(F.relu(self.mix(x)))
-        swap = reversal(batch.real).to(x.dtype)[:, None]
+        return (self._in_context(x, batch.real) if self.config.context else x).amax(1)
+
+    def _in_context(
+        self, x: Float[Tensor, "batch pair time hidden"], real: Bool[Tensor, "batch time"]
+    ) -> Float[Tensor, "batch pair time hidden"]:
+        """With what a bidirectional LSTM over the tokens of each pair adds."""
+        swap = reversal(real).to(x.dtype)[:, None]
         onwards, _ = self.onwards(x.flatten(0, 1))
         backwards, _ = self.backwards((swap @ x).flatten(0, 1))
         backwards = swap.to(backwards.dtype) @ backwards.unflatten(0, x.shape[:2])
-        return (x + torch.cat([onwards.unflatten(0, x.shape[:2]), backwards], -1)).amax(1)
+        return x + torch.cat([onwards.unflatten(0, x.shape[:2]), backwards], -1)
 
     def represent(
         self, batch: Batch, table: Float[Tensor, "row feature"]
