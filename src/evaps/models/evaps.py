@@ -105,7 +105,8 @@ class Evaps(Repairer):
     """Per token ``x_s = [h'_s | O'_s]`` (Eq. 6), a decoder over the tokens, late max-pool over pairs.
 
     Before the decoder, a bidirectional LSTM goes over the token representations of each pair, unless a flag
-    says no (this project's choice). The paper edits all tokens at once; whether they are edited one after the other is a flag.
+    says no (this project's choice). The paper edits all tokens at once; whether they are edited one after the
+    other is a flag.
     """
 
     name = "evaps"
