@@ -15,6 +15,7 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
+from evaps import models
 from evaps.dsl import Program, UserError
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import EvaluationPart, Setting, _facts, evaluate, evaluate_part, match
@@ -31,6 +32,8 @@ from evaps.tasks.frames import pack_frames, unpack_frames
 from evaps.tasks.task import Task
 from evaps.train import train
 from evaps.train.scale import SCALES
+from recipes.ablation import Ablation
+from recipes.ablation import main as make_ablation
 from recipes.gallery import Gallery
 from recipes.gallery import main as make_gallery
 from recipes.paper import Plan, make
@@ -119,6 +122,26 @@ def test_the_gallery_runs_what_the_rows_say_and_refuses_other_rows(plan: Plan, t
     pq.write_table(table.set_column(column, "pairs_passed", passed), tmp_path / "lgrl-0.parquet")
     with pytest.raises(UserError, match="the rows of lgrl are of another task-"):
         make_gallery(replace(gallery, rows=tmp_path, methods=("lgrl",)))
+
+
+def test_the_ablation_says_what_parts_are_worth_with_and_without_the_lstm(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("naive", "evaps"):
+        monkeypatch.setitem(models.METHODS, f"{name}-alone", models.METHODS[name])  # taken back in the end
+    make_ablation(Ablation(("naive", "evaps"), 0, plan))
+    facts = json.loads((plan.results / "ablation.json").read_text())
+    found = facts["repairers"]
+    assert list(found) == ["naive", "naive-alone", "evaps", "evaps-alone"]
+    more = found["evaps-alone"]["more than naive-alone"]
+    assert more["mean"] == pytest.approx(
+        found["evaps-alone"]["likelihood"] - found["naive-alone"]["likelihood"], abs=2e-4
+    )
+    assert more["low"] <= more["mean"] <= more["high"]
+    lost = "lost with another example's observations"
+    assert [name for name in found if lost in found[name]] == ["evaps", "evaps-alone"]
+    weights = load_file(plan.runs(0) / "evaps-alone" / "model.safetensors")
+    assert not any(name.startswith(("onwards", "backwards")) for name in weights)
 
 
 def test_another_seed_trains_the_method_and_shares_the_encoder(plan: Plan) -> None:
