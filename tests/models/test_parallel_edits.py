@@ -8,7 +8,7 @@ from evaps.dsl import VOCAB, Program
 from evaps.dsl.alignment import align
 from evaps.dsl.mutation import mutate
 from evaps.dsl.sampler import MAX_TOKENS, sample_program
-from evaps.models.parallel_edits import SLOTS, decode_edits, edit_targets
+from evaps.models.parallel_edits import DELETE, SLOTS, decode_edits, edit_targets
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -51,6 +51,20 @@ def test_whatever_is_decoded_is_a_program_of_allowed_length(seed: int) -> None:
     for program in decode_edits(replace, insert, beam=8):
         assert Program.parse(str(program)) == program
         assert len(program.tokens) <= MAX_TOKENS
+
+
+@settings(deadline=None, max_examples=60)
+@given(SEEDS)
+def test_substitution_always_finds_programs_of_the_same_length(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    length = len(sample_program(rng).tokens)
+    replace = np.log(rng.dirichlet(np.full(len(VOCAB), 0.1), length) + 1e-9).astype(np.float32)
+    replace[:, DELETE] = -np.inf
+    decoded = list(decode_edits(replace, np.zeros((length, 0, len(VOCAB)), np.float32), beam=4))
+    assert decoded
+    for program in decoded:
+        assert Program.parse(str(program)) == program
+        assert len(program.tokens) == length
 
 
 @settings(deadline=None, max_examples=60)

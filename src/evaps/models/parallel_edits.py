@@ -24,6 +24,7 @@ from evaps.models.base import pad
 
 SLOTS = 8  # the paper inserts nothing or says nothing about it; a whole `IF c( ... c) i(` fits into 8
 DELETE = NOTHING = 0  # <pad> is no token of any program, so its id says: no token here
+_CLOSING = VOCAB.ids["m)"]  # it ends every program, and stands nowhere else
 _PRUNE = 6.0  # options that are e^6 times less likely than the best one are not looked at
 
 Scores = NDArray[np.float32]
@@ -57,6 +58,16 @@ class _Edited:
     grammar: GrammarState
     longest: int
 
+    def allowed_if_substituted(self) -> NDArray[np.bool_]:
+        """Which tokens may come next if a program of just the longest length is to come out.
+
+        A program that is not closed yet can be of any length that it can be closed within.
+        """
+        left = self.longest - len(self.tokens)
+        mask = self.grammar.allowed_within(left).copy()
+        mask[_CLOSING] &= left == 1
+        return mask
+
     def extended(self, token: int, score: float) -> _Edited | None:
         """With one more token; None if no program starts like that."""
         if not self.grammar.allowed_within(self.longest - len(self.tokens))[token]:
@@ -80,15 +91,31 @@ def decode_edits(tokens: Scores, insert: Scores, beam: int) -> Iterator[Program]
         insert: log-probabilities ``[token, slot, vocab]``.
         beam: how many left parts are kept after each token.
     """
-    longest = MAX_TOKENS if insert.shape[1] else len(tokens)  # substitution keeps the length
-    live = [_Edited((), 0.0, GrammarState.start(), longest)]
+    if insert.shape[1]:
+        live = _edited(tokens, insert, beam)
+    else:
+        live = _substituted(tokens, beam)
+    for hypothesis in sorted(live, key=lambda h: -h.score):
+        if hypothesis.grammar.finished:
+            yield Program.from_ids(hypothesis.tokens)
+
+
+def _edited(tokens: Scores, insert: Scores, beam: int) -> list[_Edited]:
+    live = [_Edited((), 0.0, GrammarState.start(), MAX_TOKENS)]
     for token_scores, slot_scores in zip(tokens, insert, strict=True):
         options = _options(token_scores)
         live = _best((new for old in live for new in _replaced(old, options)), beam)
         live = _inserted(live, slot_scores, beam)
-    for hypothesis in sorted(live, key=lambda h: -h.score):
-        if hypothesis.grammar.finished:
-            yield Program.from_ids(hypothesis.tokens)
+    return live
+
+
+def _substituted(tokens: Scores, beam: int) -> list[_Edited]:
+    """Without insertions and deletions a program keeps its length."""
+    live = [_Edited((), 0.0, GrammarState.start(), len(tokens))]
+    for scores in tokens:
+        masked = ((old, np.where(old.allowed_if_substituted(), scores, -np.inf)) for old in live)
+        live = _best((new for old, allowed in masked for new in _replaced(old, _options(allowed))), beam)
+    return live
 
 
 def _options(scores: Scores) -> list[tuple[int, float]]:
