@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -65,17 +64,16 @@ def training_figures(seconds: float, size: int) -> Iterator[Figure]:
         if kind.start:
             continue  # from rewards: its seconds are the beam's and the engine's
         method = new_method(name).to(device()).train()
-        batch, loss = _training(method, programs, rng)
+        batch, loss = _training(method, programs, rng, size)
         optimizer = torch.optim.Adam(method.parameters())
-        rows = (range(i * size, (i + 1) * size) for i in itertools.cycle(range(BATCHES)))
-        _step(loss, batch(next(rows)), optimizer)  # wakes everything
+        _step(loss, batch(0), optimizer)  # wakes everything
         steps, batches, start = 0, 0.0, time.perf_counter()
         while (spent := time.perf_counter() - start) < seconds:
             begun = time.perf_counter()
-            made = batch(next(rows))
+            steps += 1
+            made = batch(steps)
             batches += time.perf_counter() - begun
             _step(loss, made, optimizer)
-            steps += 1
         yield Figure(f"training {name}", size * steps / spent, "programs/s")
         yield Figure(f"training {name}, making batches", 100 * batches / spent, "%", "<= 15")
 
@@ -89,12 +87,15 @@ def _step(loss: Callable[[Any], torch.Tensor], batch: Any, optimizer: torch.opti
 
 
 def _training(
-    method: Synthesizer | Repairer, programs: Sequence[Program], rng: np.random.Generator
-) -> tuple[Callable[[range], Any], Callable[[Any], torch.Tensor]]:
-    """What makes a batch of some rows, and what becomes of it: a training's code, on random embeddings."""
+    method: Synthesizer | Repairer, programs: Sequence[Program], rng: np.random.Generator, size: int
+) -> tuple[Callable[[int], Any], Callable[[Any], torch.Tensor]]:
+    """What makes a step's batch, and what becomes of it: a training's code, on random embeddings."""
+    from evaps.train.batches import batch_at, rotating_pairs
+    from evaps.train.features import features_of
     from evaps.train.lessons import Lessons
     from evaps.train.repairers import mistake_batch
 
+    rows_at = batch_at([len(program.tokens) for program in programs], size, SEED)
     table = torch.randn(ROWS, 256).to(device())
     if isinstance(method, Repairer):
         wrong = [_execution(mutate(program, rng), rng) for program in programs]
@@ -102,16 +103,18 @@ def _training(
             [0] * len(wrong), wrong, list(programs), [1] * len(wrong), np.zeros((0, 256), np.float16)
         )
         return (
-            lambda rows: mistake_batch(method, mistakes, rows, table),
+            lambda step: mistake_batch(method, mistakes, rows_at(step), table),
             lambda batch: method.batch_loss(*batch),
         )
     lessons = Lessons.of([VOCAB.encode(program.tokens) for program in programs])
     ways = WayTable.of([[_way(rng) for _ in range(EXAMPLES)] for _ in programs], table)
-    pairs = torch.from_numpy(rng.integers(0, ROWS, (len(programs), EXAMPLES, 2)))
+    features = rng.standard_normal((len(programs), EXAMPLES + 1, 2, 256), np.float32).astype(np.float16)
 
-    def made(rows: range) -> Any:
-        given = ways.batch(rows, device()) if method.acts else table[pairs[rows.start : rows.stop]]
-        return given, *lessons.batch(rows)
+    def made(step: int) -> Any:
+        rows = rows_at(step).tolist()
+        if method.acts:
+            return ways.batch(rows, device()), *lessons.batch(rows)
+        return features_of(features, rows, rotating_pairs(size, rng)), *lessons.batch(rows)
 
     return made, lambda batch: method.loss(*batch)
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from accelerate import PartialState
+from torch import Tensor
 
 from evaps.files import write_atomically
+from evaps.models.compute import device
 from evaps.models.encoder import Encoder
 from evaps.synthesis.features import array_bytes, embed
 from evaps.tasks.dataset import Dataset
@@ -25,6 +28,19 @@ TOGETHER = 10  # tasks whose frames are embedded at once
 Features = np.ndarray[Any, np.dtype[np.float16]]
 """Of every task, of its examples (the test example too: LGRL learns from any five of six), of their first and
 their last observation: ``[task, pair, 2, feature]``. Or of every walk: ``[walk, time, feature]``."""
+
+
+def features_of(features: Features, positions: Sequence[int], pairs: Any) -> Tensor:
+    """Those of some tasks, float32 ``[task, pair, 2, feature]``, on the device.
+
+    Args:
+        features: of all tasks.
+        positions: of the tasks.
+        pairs: which examples: a slice for all of the tasks, or rows ``[task, pair]``.
+    """
+    rows = np.asarray(positions)
+    chosen = features[rows][:, pairs] if isinstance(pairs, slice) else features[rows[:, None], pairs]
+    return torch.from_numpy(chosen.astype(np.float32)).to(device())
 
 
 def dataset_features(dataset: Dataset, encoder: Encoder, key: str) -> Features:

@@ -12,7 +12,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from accelerate import PartialState
 
@@ -28,7 +27,7 @@ from evaps.synthesis.ways import WayTable
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.identity import code_version
 from evaps.tasks.task import EXAMPLES
-from evaps.train.features import Features, dataset_features
+from evaps.train.features import Features, dataset_features, features_of
 from evaps.train.judge import Judge
 from evaps.train.loop import FitConfig
 from evaps.train.scale import SCALES
@@ -94,11 +93,7 @@ class Run:
             positions: of the tasks.
             pairs: which examples: a slice for all of them, or rows ``[task, pair]``.
         """
-        rows = np.asarray(positions)
-        chosen = (
-            self.features[rows][:, pairs] if isinstance(pairs, slice) else self.features[rows[:, None], pairs]
-        )
-        return torch.from_numpy(chosen.astype(np.float32)).to(device())
+        return features_of(self.features, positions, pairs)
 
     def given(self, model: Synthesizer, positions: Sequence[int], pairs: Any = slice(EXAMPLES)) -> Any:
         """What a synthesizer is told of tasks: its ways if it acts, else features (`task_features`)."""
