@@ -83,6 +83,14 @@ def test_other_settings_do_not_go_on_with_it(tmp_path: Path) -> None:
         fit(new_model(), lambda step, share: 1 / 0, replace(CONFIG, seed=4), tmp_path, dict, "score")
 
 
+def test_what_has_diverged_says_so(tmp_path: Path) -> None:
+    broken = new_model()
+    with torch.no_grad():
+        next(broken.parameters()).fill_(math.nan)
+    with pytest.raises(UserError, match="has diverged: score is no number after 10 batches"):
+        train(broken, tmp_path)
+
+
 def test_the_rate_rises_and_falls() -> None:
     rates = [rate_at(step, CONFIG) for step in range(CONFIG.steps)]
     assert max(rates) <= CONFIG.rate

@@ -19,7 +19,7 @@ def device() -> torch.device:
 def half_pays() -> bool:
     """Whether this machine has units for bfloat16, which make matrix products 2.5 to 8 times faster."""
     if device().type == "cuda":
-        return torch.cuda.is_bf16_supported()
+        return torch.cuda.is_bf16_supported(including_emulation=False)
     try:
         return bool({"amx_bf16", "avx512_bf16"} & set(Path("/proc/cpuinfo").read_text().split()))
     except OSError:

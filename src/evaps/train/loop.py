@@ -117,7 +117,8 @@ def fit(
         the metrics of that time.
 
     Raises:
-        UserError: the folder holds a training with other settings, or there is no TensorBoard.
+        UserError: the folder holds a training with other settings, there is no TensorBoard, or a validation's
+            result is no number.
     """
     folder.mkdir(parents=True, exist_ok=True)
     accelerator = _accelerator(folder, tensorboard)
@@ -137,6 +138,11 @@ def fit(
         last = progress.step == config.steps
         if validated := last or progress.step % config.validate_every == 0:
             metrics |= (found := _validated(model, validate, accelerator))
+            if math.isnan(found[f"validation_{select}"]):
+                raise UserError(
+                    f"{folder} has diverged: {select} is no number after {progress.step} batches; "
+                    "start it anew with a lower rate or another seed"
+                )
             progress.stale += 1
             if found[f"validation_{select}"] > progress.best.get(f"validation_{select}", -math.inf):
                 _keep(progress, step, found, model, folder, accelerator)
