@@ -5,7 +5,7 @@ from typing import Any
 from evaps.metrics import MethodResults
 from recipes.distances import mended, table_of
 
-GOLD = "DEF run m( MOVE_LEFT TURN_LEFT m)".split()
+GOLD = ["DEF", "run", "m(", "MOVE_LEFT", "TURN_LEFT", "m)"]
 
 
 def row(*attempts: tuple[str, bool]) -> dict[str, Any]:
