@@ -3,7 +3,7 @@
 Shin, Polosukhin and Song, "Improving Neural Program Synthesis with Inferred Execution Traces", NeurIPS 2018.
 A policy acts on each pair's scene until it says that it is done; what it saw and did there is the pair's
 way. A decoder writes the program from the ways: it attends to each, and the pairs are max-pooled. A way that
-misses the output counts for nothing: in its place stands a learned vector.
+misses the output counts for nothing: of it nothing is left but the learned vector that stands before each.
 """
 
 from __future__ import annotations
