@@ -3,9 +3,9 @@
     python -m recipes.ablation   # results/small/ablation.json; an hour and a half after `recipes.paper`
 
 The LSTM is no part of the paper: it tells every token of all others, which is what the graph is for. All
-repairers are trained anew on the same mistakes, and judged by the log-likelihood of the edits of the same
+repairers learn from the same mistakes, and are judged by the log-likelihood of the edits of the same
 held-out mistakes, which is less noisy than how many programs are right in the end; then once more with each
-example's observations taken from the next example, which is what they are worth to one that has learned to
+example's observations taken from another example, which is what they are worth to one that has learned to
 look at them.
 """
 
@@ -24,7 +24,7 @@ from jaxtyping import Float
 
 from evaps.bootstrap import bootstrap
 from evaps.files import write_atomically
-from evaps.models import METHODS, load_method
+from evaps.models import METHODS, PROPOSER, load_method
 from evaps.models.base import Execution, Repairer
 from evaps.models.compute import device
 from evaps.robots.workers import Workers
@@ -71,7 +71,7 @@ def likelihoods(model: Repairer, mistakes: Mistakes) -> Float[np.ndarray, " task
 
 
 def looking_elsewhere(mistakes: Mistakes) -> Mistakes:
-    """Each example with what was seen in the next one, before, after and at the end; goals stay."""
+    """Each example with what was seen in the one before it, before, after and at the end; goals stay."""
 
     def moved(execution: Execution) -> Execution:
         seen: dict[str, Any] = {
@@ -92,7 +92,7 @@ def trained(ablation: Ablation, methods: Sequence[str]) -> Path:
     """The folder of the checkpoints of these methods, which are trained if they are not there."""
     plan, seed = ablation.plan, ablation.seed
     make_data(plan)
-    for needed in with_what_is_needed(ablation.methods[:1])[:-1]:
+    for needed in with_what_is_needed((PROPOSER,)):
         make_checkpoint(plan, seed, needed)
     for method in methods:
         if not (plan.runs(seed) / method / "config.json").exists():

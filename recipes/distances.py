@@ -42,7 +42,7 @@ def mended(runs: list[MethodResults], golds: dict[int, list[str]]) -> list[dict[
         if first["generalization_state"]:
             continue
         distance = sum(edit.kind != "keep" for edit in align(first["program"].split(), golds[row["task"]]))
-        bucket = max(start for start in BUCKETS if start <= distance)
+        bucket = max(start for start in BUCKETS if start <= max(1, distance))
         found[bucket, "candidates"] += 1
         for when, attempt in WHEN.items():
             found[bucket, when] += attempt(row)["generalization_state"]

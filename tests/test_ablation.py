@@ -8,7 +8,7 @@ from evaps.synthesis.mistakes import Mistakes
 from recipes.ablation import looking_elsewhere
 
 
-def test_each_example_has_the_next_ones_observations_and_its_own_goal() -> None:
+def test_each_example_has_the_last_ones_observations_and_its_own_goal() -> None:
     program = Program.parse("DEF run m( MOVE_LEFT m)")
     segments = np.arange(10).reshape(5, 2)
     ends = np.arange(5)

@@ -1,9 +1,13 @@
 """Candidates by how many tokens they are from the gold program."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 from evaps.metrics import MethodResults
 from recipes.distances import mended, table_of
+
+ROOT = Path(__file__).parents[1]
 
 GOLD = ["DEF", "run", "m(", "MOVE_LEFT", "TURN_LEFT", "m)"]
 
@@ -27,3 +31,8 @@ def test_candidates_are_counted_by_distance_and_by_round() -> None:
     table = table_of({"evaps": found})
     assert table.head == ["method", "1", "2", "3 to 4", "5 to 8", "9 and more"]
     assert table.rows[0][:2] == ["EVAPS", "50.0 / 100.0"]
+
+
+def test_docs_show_what_was_counted() -> None:
+    found = json.loads((ROOT / "results/small/distances.json").read_text())
+    assert table_of(found).markdown().strip() in (ROOT / "docs/methods.md").read_text()

@@ -211,9 +211,10 @@ def test_rewards_change_the_weights_and_the_best_are_kept(model: Path) -> None:
     assert any(not start[key].equal(last[key].half()) for key in start)
     rows = [json.loads(line) for line in (model / "lgrl-rl" / "metrics.jsonl").read_text().splitlines()]
     assert {"reward", "validation_semantic"} <= rows[-1].keys()
-    looks = [row["validation_best_reward"] for row in rows if "validation_best_reward" in row]
-    assert len(looks) == 2
-    assert facts["metrics"]["validation_best_reward"] == max(looks)
+    looks = [row for row in rows if "validation_best_reward" in row]
+    assert [row["step"] for row in looks] == [-1, 2]
+    best = max(looks, key=lambda row: row["validation_score"])
+    assert facts["metrics"]["best_step"] == best["step"]
 
 
 def test_latent_execution_is_trained_once_more(model: Path) -> None:

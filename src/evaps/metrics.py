@@ -107,8 +107,8 @@ class MethodResults:
 
     @property
     def most_attempts(self) -> int:
-        """As many programs as were run at most for one candidate: itself and its repairs."""
-        return max(len(_attempts(row)) for row in self.each())
+        """As many programs as were run at most for a task's first candidate: itself and its repairs."""
+        return max(len(_attempts(self.rows[t][0])) for t in self.tasks)
 
     def first(self, task: int, k: int) -> list[Row]:
         """The first ``k`` candidates of a task."""
@@ -232,6 +232,12 @@ class Results:
         """
         runs = self.by_method[method]
         return [run for run in runs if str(run.fact("machine")) == self.usual_machine] or runs
+
+    def of_methods(self, methods: Collection[str]) -> Results:
+        """The same results of some of the methods only."""
+        fewer = copy(self)
+        fewer.by_method = {method: runs for method, runs in self.by_method.items() if method in methods}
+        return fewer
 
     def of_tasks(self, tasks: Collection[int]) -> Results:
         """The same results on some of the tasks only."""

@@ -106,7 +106,9 @@ def test_as_many_candidates_are_looked_at_as_a_repairer_runs(rounds: int) -> Non
     for row in looked_at:
         row["pairs_passed"] = 5 * (row["rank"] == 3)
     repaired = rows("evaps", [None] * 8)
-    repaired[1]["attempts"] = [{"program": "m( MOVE m)", "pairs_passed": 0}] * (1 + rounds)
+    repaired[0]["attempts"] = [
+        {"program": "m( MOVE m)", "pairs_passed": 0, "generalization_state": False}
+    ] * (1 + rounds)
     note = checked(results_of(looked_at, repaired)).notes[-1]
     assert f"Of the first {1 + rounds} candidates of LGRL" in note
     assert "first of EVAPS (one seed): better, +100.0 points" in note

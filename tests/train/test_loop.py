@@ -87,7 +87,7 @@ def test_what_has_diverged_says_so(tmp_path: Path) -> None:
     broken = new_model()
     with torch.no_grad():
         next(broken.parameters()).fill_(math.nan)
-    with pytest.raises(UserError, match="has diverged: score is no number after 10 batches"):
+    with pytest.raises(UserError, match="has diverged: its score is no number; delete the folder"):
         train(broken, tmp_path)
 
 

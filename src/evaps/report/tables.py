@@ -40,7 +40,7 @@ def table_1(results: Results) -> Table:
         for method in methods
     ]
     others = [m for m in methods if m != "evaps"]
-    notes = [scale_note(results), *_on_naive(methods), *sentences(results, "evaps", others)]
+    notes = [*_on(results, methods), *sentences(results, "evaps", others)]
     title = "Methods, in % of the tasks; the paper's in brackets"
     panels = [
         Panel(
@@ -68,7 +68,7 @@ def table_2(results: Results) -> Table:
         for method in methods
     ]
     others = [m for m in methods if m != "evaps"]
-    notes = [scale_note(results), *_on_naive(methods), *sentences(results, "evaps", others)]
+    notes = [*_on(results, methods), *sentences(results, "evaps", others)]
     dots = {names[m]: [_dot(results, m, GOAL, k) for k in TOP] for m in methods}
     panels = [Panel(TITLES[GOAL], SHARE, dots)]
     if base:
@@ -80,9 +80,9 @@ def table_2(results: Results) -> Table:
     return Table(title, head, rows, notes, number=2, picture=DotPlot(panels, SERIES))
 
 
-def _on_naive(methods: Sequence[str]) -> list[str]:
-    """What the row may be meant as, if there is one."""
-    return [NAIVE] if "naive" in methods else []
+def _on(results: Results, methods: Sequence[str]) -> list[str]:
+    """Of what scale the methods are, and what Naive's row may be meant as, if there is one."""
+    return [scale_note(results.of_methods(methods)), *([NAIVE] if "naive" in methods else [])]
 
 
 def _cell(results: Results, method: str, metric: str, k: int) -> str:

@@ -36,6 +36,8 @@ class Share:
         return mine
 
 
+START_ANEW = "delete the folder, and train with another seed"
+
 LossAt = Callable[[int, Share], tuple[Tensor, dict[str, float]]]
 """The loss of a step's batch (of a share of it), and metrics to log; it depends on nothing else."""
 
@@ -128,7 +130,7 @@ def fit(
     at_start = keep_start and not progress.best
     _unlog(folder, -1 if at_start else progress.step, accelerator)
     if at_start:
-        found = _validated(model, validate, accelerator)
+        found = _validated(model, validate, accelerator, select, folder)
         _keep(progress, -1, found, model, folder, accelerator)
         _log(folder, {"step": -1, **found}, accelerator)
     saved = time.monotonic()
@@ -137,12 +139,7 @@ def fit(
         progress.step = step + 1
         last = progress.step == config.steps
         if validated := last or progress.step % config.validate_every == 0:
-            metrics |= (found := _validated(model, validate, accelerator))
-            if math.isnan(found[f"validation_{select}"]):
-                raise UserError(
-                    f"{folder} has diverged: {select} is no number after {progress.step} batches; "
-                    "start it anew with a lower rate or another seed"
-                )
+            metrics |= (found := _validated(model, validate, accelerator, select, folder))
             progress.stale += 1
             if found[f"validation_{select}"] > progress.best.get(f"validation_{select}", -math.inf):
                 _keep(progress, step, found, model, folder, accelerator)
@@ -209,11 +206,18 @@ def _step(
 
 
 def _validated(
-    model: nn.Module, validate: Callable[[], dict[str, float]], accelerator: Accelerator
+    model: nn.Module,
+    validate: Callable[[], dict[str, float]],
+    accelerator: Accelerator,
+    select: str,
+    folder: Path,
 ) -> dict[str, float]:
     model.eval()
     with torch.inference_mode(), accelerator.autocast():
-        return {f"validation_{key}": value for key, value in validate().items()}
+        found = {f"validation_{key}": value for key, value in validate().items()}
+    if math.isnan(found[f"validation_{select}"]):
+        raise UserError(f"{folder} has diverged: its {select} is no number; {START_ANEW}")
+    return found
 
 
 def _keep(

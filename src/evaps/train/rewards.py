@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from evaps.dsl import VOCAB
+from evaps.dsl import VOCAB, UserError
 from evaps.models.base import Synthesizer
 from evaps.models.beam import beam_search
 from evaps.models.compute import autocast
@@ -18,7 +18,7 @@ from evaps.models.dropout import without_dropout
 from evaps.tasks.task import EXAMPLES
 from evaps.train.batches import batch_at, rotating_pairs
 from evaps.train.lessons import Lessons
-from evaps.train.loop import FitConfig, Share, fit
+from evaps.train.loop import START_ANEW, FitConfig, Share, fit
 from evaps.train.reinforce import expected_best
 from evaps.train.run import Run
 from evaps.train.synthesizers import Validation
@@ -32,7 +32,7 @@ def train_on_rewards(run: Run, model: Synthesizer, start: str) -> Path:
     scale = run.scale
     config = FitConfig(
         scale.rl_steps,
-        rate=1e-5,  # theirs, too; with ten times that held-out tasks are solved less and less
+        rate=1e-5,  # as theirs
         seed=run.seed,
         warmup=10,
         validate_every=100,
@@ -87,11 +87,19 @@ def reward_loss(
     with without_dropout(model), autocast():  # the beam, and what it is worth
         beams = [[p.program for p in beam] for beam in beam_search(model, given, scale.rl_beam)]
         right = [run.judge.generalize(p, beam) for p, beam in zip(positions, beams, strict=True)]
+        if not any(beams):
+            raise UserError(
+                f"{run.out / model.name} has diverged: {model.name} proposes nothing any more; {START_ANEW}"
+            )
         lessons = Lessons.of([VOCAB.encode(program.tokens) for beam in beams for program in beam])
         owner = torch.repeat_interleave(torch.tensor([len(beam) for beam in beams]))
         scores = model.log_probabilities(given[owner], *lessons.batch(range(len(owner))))
     bests, means = [], []
     for score, verdicts in zip(scores.float().split([len(beam) for beam in beams]), right, strict=True):
+        if not len(score):  # nothing was proposed: no number in the logits
+            bests.append(score.new_tensor(-1.0))
+            means.append(-1.0)
+            continue
         rewards = torch.from_numpy(np.where(verdicts, 1.0, -1.0)).to(score)
         bests.append(expected_best(score, rewards, scale.rl_draws))
         means.append((score.detach().softmax(-1) * rewards).sum().item())
