@@ -20,6 +20,11 @@ def certain(ids: np.ndarray) -> np.ndarray:
     return scores
 
 
+def random_scores(rng: np.random.Generator, *shape: int) -> np.ndarray:
+    """Log-probabilities of which a few tokens have most."""
+    return np.log(rng.dirichlet(np.full(len(VOCAB), 0.1), shape) + 1e-9).astype(np.float32)
+
+
 def most_inserted(before: Program, after: Program) -> int:
     longest = run = 0
     for edit in align(before.tokens, after.tokens):
@@ -46,9 +51,7 @@ def test_certain_edits_lead_to_the_target(seed: int, times: int) -> None:
 def test_whatever_is_decoded_is_a_program_of_allowed_length(seed: int) -> None:
     rng = np.random.default_rng(seed)
     length = len(sample_program(rng).tokens)
-    replace = np.log(rng.dirichlet(np.full(len(VOCAB), 0.1), length) + 1e-9).astype(np.float32)
-    insert = np.log(rng.dirichlet(np.full(len(VOCAB), 0.1), (length, SLOTS)) + 1e-9).astype(np.float32)
-    for program in decode_edits(replace, insert, beam=8):
+    for program in decode_edits(random_scores(rng, length), random_scores(rng, length, SLOTS), beam=8):
         assert Program.parse(str(program)) == program
         assert len(program.tokens) <= MAX_TOKENS
 
@@ -58,7 +61,7 @@ def test_whatever_is_decoded_is_a_program_of_allowed_length(seed: int) -> None:
 def test_substitution_always_finds_programs_of_the_same_length(seed: int) -> None:
     rng = np.random.default_rng(seed)
     length = len(sample_program(rng).tokens)
-    replace = np.log(rng.dirichlet(np.full(len(VOCAB), 0.1), length) + 1e-9).astype(np.float32)
+    replace = random_scores(rng, length)
     replace[:, DELETE] = -np.inf
     decoded = list(decode_edits(replace, np.zeros((length, 0, len(VOCAB)), np.float32), beam=4))
     assert decoded

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,12 +11,13 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from evaps.dsl import VOCAB
+from evaps.dsl import VOCAB, UserError
 from evaps.models.beam import beam_search
 from evaps.models.lgrl import LGRL, LGRLConfig
 from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
 from evaps.tasks.dataset import Dataset
+from evaps.train import rewards
 from evaps.train.judge import Judge
 from evaps.train.lessons import Lessons
 from evaps.train.rewards import reward_loss
@@ -50,6 +52,26 @@ def test_a_program_is_right_if_it_is_in_all_six_scenes(
     loss, metrics = reward_loss(run, model, [0, 1])
     assert metrics["reward"] == pytest.approx(reward)
     assert loss.item() == pytest.approx(-reward, abs=1e-5)
+
+
+def test_a_task_without_a_proposal_is_not_solved(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    torch.manual_seed(0)
+    model = LGRL(LGRLConfig(feature=32, pair=64, embedding=64, hidden=128))
+    judge = Judge(dataset)
+    monkeypatch.setattr(judge, "passed", lambda _, programs: np.full(len(programs), 6))
+    run: Any = SimpleNamespace(
+        scale=replace(SCALES["smoke"], rl_beam=4, rl_draws=2),
+        task_features=lambda positions, _: torch.randn(len(positions), 5, 2, 32),
+        judge=judge,
+        out=Path("runs"),
+    )
+    monkeypatch.setattr(rewards, "beam_search", lambda *given: [[], *beam_search(*given)[1:]])
+    loss, metrics = reward_loss(run, model, [0, 1])
+    assert loss.item() == pytest.approx(0.0, abs=1e-5)
+    assert (metrics["reward"], metrics["solvable"]) == (pytest.approx(0.0, abs=1e-5), 0.5)
+    monkeypatch.setattr(rewards, "beam_search", lambda *given: [[], []])
+    with pytest.raises(UserError, match="has diverged"):
+        reward_loss(run, model, [0, 1])
 
 
 def test_rewards_teach_32_tasks(dataset: Dataset) -> None:
