@@ -60,13 +60,13 @@ def without_context(method: str) -> str:
 
 
 def likelihoods(model: Repairer, mistakes: Mistakes) -> Float[np.ndarray, " task"]:
-    """For each task the log-likelihood of an edit, a mean over its mistakes, in hundredths."""
+    """For each task the log-likelihood of an edit, a mean over its mistakes, in nats."""
     table = torch.from_numpy(mistakes.table).to(device())
     with torch.inference_mode():
         each = [-mistake_loss(model, mistakes, [row], table).item() for row in range(len(mistakes.targets))]
     of_task: dict[int, list[float]] = {}
     for task, value in zip(mistakes.tasks, each, strict=True):
-        of_task.setdefault(task, []).append(100 * value)
+        of_task.setdefault(task, []).append(value)
     return np.array([np.mean(values) for values in of_task.values()])
 
 
@@ -84,8 +84,7 @@ def looking_elsewhere(mistakes: Mistakes) -> Mistakes:
 
 def compared(better: Float[np.ndarray, " task"], worse: Float[np.ndarray, " task"]) -> dict[str, float]:
     """How much more likely the one makes an edit than the other, in nats, with a 95 % interval over tasks."""
-    interval = bootstrap((better - worse)[None])
-    return {key: round(value / 100, 4) for key, value in interval._asdict().items()}
+    return {key: round(value, 4) for key, value in bootstrap((better - worse)[None])._asdict().items()}
 
 
 def trained(ablation: Ablation, methods: Sequence[str]) -> Path:
@@ -94,7 +93,7 @@ def trained(ablation: Ablation, methods: Sequence[str]) -> Path:
     make_data(plan)
     for needed in with_what_is_needed((PROPOSER,)):
         make_checkpoint(plan, seed, needed)
-    for method in methods:
+    for method in methods:  # a shipped one has learned from other mistakes, and is not taken
         if not (plan.runs(seed) / method / "config.json").exists():
             train(method, plan.data, plan.runs(seed), plan.scale, seed, Workers(plan.workers))
     return plan.runs(seed)
@@ -115,7 +114,7 @@ def main(ablation: Ablation) -> None:
         model = model.to(device()).eval()
         usual[name] = likelihoods(model, held)
         base = f"{ablation.methods[0]}{ALONE if name.endswith(ALONE) else ''}"
-        found[name] = {"likelihood": round(float(usual[name].mean()) / 100, 4)}
+        found[name] = {"likelihood": round(float(usual[name].mean()), 4)}
         if name != base:
             found[name][f"more than {base}"] = compared(usual[name], usual[base])
         if name.endswith(ALONE):

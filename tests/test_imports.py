@@ -16,7 +16,7 @@ FLOORS = [
     {"dsl"},
     {"robots", "models"},
     {"tasks"},
-    {"synthesis"},
+    {"synthesis", "rows"},
     {"train", "evaluate", "metrics"},
     {"report", "viewer", "bench"},
     {"doctor", "studio"},

@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 
 from evaps.bootstrap import DRAWS, Interval, bootstraps
 from evaps.dsl import UserError
-from evaps.tasks.files import read_table
+from evaps.rows import check_one_setting, read_rows, row_files
 
 TITLES = {"exact": "exact", "semantic_state": "semantic", "generalization_state": "generalization"}
 """What the paper calls its metrics, by our columns; the tables show the match of states."""
@@ -27,6 +27,8 @@ METRICS = tuple(TITLES)
 OF_THE_LAST = ("exact", "semantic_frame", "generalization_frame", "rounds")
 """What a row says of its candidate after the last round of repair, and not of the attempts before."""
 JUDGED = (*METRICS, "semantic_frame", "generalization_frame")
+NEEDED = ("method", "seed", "task", "rank", *METRICS)
+"""Columns without which there is nothing to count."""
 TOP = (1, 5, 20)
 Row = Mapping[str, Any]
 
@@ -156,7 +158,7 @@ class Results:
     """
 
     def __init__(self, tables: Sequence[pa.Table]) -> None:
-        _check_one_setting(tables)
+        check_one_setting(tables)
         found: dict[tuple[str, int], dict[int, dict[int, Row]]] = {}
         for table in tables:
             for row in table.to_pylist():
@@ -182,7 +184,7 @@ class Results:
         Raises:
             UserError: there are none, or they do not belong together.
         """
-        return cls([_read(file) for path in paths for file in _files(path)])
+        return cls([read_rows(file, NEEDED) for path in paths for file in row_files(path)])
 
     @classmethod
     def by_column(cls, path: Path, column: str) -> dict[float, Results]:
@@ -197,8 +199,8 @@ class Results:
                 together.
         """
         tables: dict[float, list[pa.Table]] = {}
-        for file in _files(path):
-            table = _read(file)
+        for file in row_files(path):
+            table = read_rows(file, NEEDED)
             if column not in table.column_names:
                 raise UserError(
                     f"{file} has no column {column!r}: it was made by an earlier evaps; evaluate again"
@@ -312,21 +314,8 @@ class Results:
         return np.array([100.0 * right(a) - 100.0 * (right_of_worse or right)(b) for a, b in pairs])
 
 
-ONE_SETTING = ("dataset_seed", "split", "noise", "top_k", "most_rounds")
-"""Columns that have to be the same in rows that are compared."""
 ONE_METHOD = ("scale", "trained_on", "budget")
 """Columns that have to be the same in all rows of a method."""
-
-
-def _check_one_setting(tables: Sequence[pa.Table]) -> None:
-    for column in ONE_SETTING:
-        there = [table[column].unique().to_pylist() for table in tables if column in table.column_names]
-        values = sorted({value for found in there for value in found if value is not None})
-        if len(values) > 1:
-            shown = ", ".join(f"{value:.4g}" if column == "noise" else f"{value}" for value in values)
-            raise UserError(
-                f"these rows are of more than one {column}: {shown}; put each kind into a folder of its own"
-            )
 
 
 def _check_one_method(one: MethodResults, other: MethodResults) -> None:
@@ -341,26 +330,3 @@ def _check_one_method(one: MethodResults, other: MethodResults) -> None:
                 f"{what} differ in {column}: {', '.join(sorted(map(str, values)))}; "
                 "put each kind into a folder of its own"
             )
-
-
-def _read(file: Path) -> pa.Table:
-    """The rows in a file.
-
-    Raises:
-        UserError: it cannot be read, or holds something else.
-    """
-    table = read_table(file)
-    if missing := sorted({"method", "seed", "task", "rank", *METRICS} - set(table.column_names)):
-        raise UserError(f"{file} holds no rows of evaps evaluate: it has no column {missing[0]!r}")
-    if not len(table):
-        raise UserError(f"{file} holds no rows; evaluate again")
-    return table
-
-
-def _files(path: Path) -> list[Path]:
-    if path.is_file() and path.suffix != ".parquet":
-        raise UserError(f"{path} is no file of rows; those of evaps evaluate end in .parquet")
-    files = sorted(path.glob("*.parquet")) if path.is_dir() else [path]
-    if not files or not files[0].exists():
-        raise UserError(f"{path} holds no rows; make some with: evaps evaluate --out {path}/NAME.parquet")
-    return files
