@@ -30,8 +30,8 @@ from evaps.metrics import Results
 from evaps.models import METHODS, PROPOSER, SHIPPED, needed_for
 from evaps.models.checkpoint import hash_of
 from evaps.report import report
-from evaps.report.summary import noise_costs, summary_table
-from evaps.report.wording import scale_note, sentences
+from evaps.report.summary import lead_table, noise_costs, summary_table
+from evaps.report.wording import scale_note
 from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
 from evaps.tasks.dataset import Dataset
@@ -319,9 +319,9 @@ def noise_page(results: Path) -> str:
 def readme_table(results: Path) -> str:
     """The README's table beside the paper's figures, its scale, and what may be said of its differences."""
     found = Results.read(results / "methods")
-    others = [m for m in found.methods if m != "evaps"]
+    ahead = "How many points EVAPS is ahead in generalization, with 95 % intervals, in bold if these are clear of 0:"
     table = summary_table(found, beside_paper=True)
-    return "\n\n".join([table, scale_note(found), *sentences(found, "evaps", others)])
+    return "\n\n".join([table, scale_note(found), ahead, lead_table(found, "evaps")])
 
 
 def main(plan: Plan) -> None:

@@ -20,6 +20,7 @@ from evaps.report.repairs import edits, effects, rounds
 from evaps.report.summary import (
     answer_table,
     budget_table,
+    lead_table,
     noise_costs,
     noise_table,
     summary_table,
@@ -435,6 +436,26 @@ def test_a_short_table_has_one_row_for_all_seeds_of_a_method(tmp_path: Path) -> 
     assert (values["method"], values["tasks"], values["seeds"], values["exact@5"]) == ("lgrl", 2, 2, 0.75)
     pooled = answer_table([tmp_path]).splitlines()[2].split(" | ")
     assert (pooled[0], pooled[1], pooled[2], pooled[4]) == ("| LGRL", "2", "2", "50.0 %")
+
+
+def test_short_tables_begin_with_the_best(tmp_path: Path) -> None:
+    for method, ranks in (("lgrl", [None, 0]), ("naive", [None, None]), ("evaps", [0, 0])):
+        pq.write_table(table_of(rows(method, ranks)), tmp_path / f"{method}.parquet")
+    for table in (summary_table(Results.read(tmp_path)), answer_table([tmp_path])):
+        assert [line.split(" | ")[0] for line in table.splitlines()[2:]] == ["| EVAPS", "| LGRL", "| Naive"]
+
+
+def test_a_lead_is_bold_only_where_its_interval_is_clear_of_zero() -> None:
+    half = [0, None]
+    others = (rows("lgrl", [None] * 8), rows("sed", half * 4), rows("naive", [*[0] * 7, None]))
+    elsewhere = rows("transformer", [None] * 9)
+    table = lead_table(results_of(rows("evaps", [0] * 8), *others, elsewhere), "evaps", (1,))
+    assert table.splitlines()[0] == "| EVAPS against | seeds | @1 |"
+    assert [line.split(" | ")[0] for line in table.splitlines()[2:]] == ["| Naive", "| SED", "| LGRL"]
+    naive, sed, lgrl = (line.split(" | ")[2] for line in table.splitlines()[2:])
+    assert naive == "+12.5 [+0.0, +37.5] |"
+    assert sed.startswith("**+50.0 [+")
+    assert lgrl == "**+100.0 [+100.0, +100.0]** |"
 
 
 def test_seconds_are_told_of_the_usual_machine_alone() -> None:

@@ -16,6 +16,7 @@ from evaps.metrics import METRICS, TITLES, TOP, MethodResults, Results, Row
 from evaps.report.names import name_of
 from evaps.report.paper import GENERALIZATION
 from evaps.report.table import markdown_cells
+from evaps.report.wording import GOAL
 from evaps.tasks.info import STEP_BUCKETS, step_bucket
 from evaps.tasks.task import EXAMPLES
 
@@ -24,7 +25,8 @@ def summary_table(results: Results, beside_paper: bool = False) -> str:
     """Markdown: for each method the metrics at top-1 / 5 / 20 and its answer in %, and its cost a task.
 
     Means over seeds; how many there are stands there where a method has several. Seconds are of the seeds
-    that were judged on the usual machine (`Results.timed`).
+    that were judged on the usual machine (`Results.timed`). First comes whose first program generalizes most
+    often.
 
     Args:
         results: of which methods.
@@ -35,7 +37,8 @@ def summary_table(results: Results, beside_paper: bool = False) -> str:
     costs = ["answer", "seconds", "simulated actions"]
     head = ["method", *["seeds"] * several, *(TITLES[m] for m in METRICS), *paper, *costs]
     table = []
-    for method, runs in results.by_method.items():
+    for method in sorted(results.methods, key=lambda m: -results.top(m, GOAL, 1).mean()):
+        runs = results.by_method[method]
         cells = [name_of(method), *[str(len(runs))] * several]
         cells += [" / ".join(_mean(results.top(method, m, k)) for k in TOP) for m in METRICS]
         if beside_paper:
@@ -57,6 +60,32 @@ def _answers_and_costs(results: Results, method: str) -> tuple[float, float, flo
     seconds = np.mean([run.column("seconds").mean() for run in results.timed(method)])
     actions = np.mean([run.column("simulated_actions").mean() for run in runs])
     return float(answered), float(seconds), float(actions)
+
+
+def lead_table(results: Results, method: str, ks: Sequence[int] = (min(TOP), max(TOP))) -> str:
+    """Markdown: by how many points a method is ahead of each other one, with 95 % intervals.
+
+    Where the interval leaves no doubt that there is a difference, it is in bold. The other methods stand in
+    the order of that lead; one that was not judged on the same tasks with the same seeds has no row.
+
+    Args:
+        results: of all of them.
+        method: whose lead.
+        ks: among how many candidates generalization is compared.
+    """
+    leads = []
+    for other in results.methods:
+        try:
+            leads.append((results.differences(method, other, GOAL, ks), other))
+        except ValueError:
+            continue
+    table = [
+        [name_of(other), str(len(results.shared_seeds(method, other)))]
+        + [f"**{found}**" if found.certain else str(found) for found in lead]
+        for lead, other in sorted(leads)
+        if other != method
+    ]
+    return markdown_cells([f"{name_of(method)} against", "seeds", *(f"@{k}" for k in ks)], table)
 
 
 def summary_values(results: Results) -> list[dict[str, Any]]:
@@ -81,7 +110,8 @@ def summary_values(results: Results) -> list[dict[str, Any]]:
 def answer_table(rows: Sequence[Path]) -> str:
     """Markdown: the one answer of each method that the files have rows of, of all seeds, and its cost.
 
-    Seconds are of the seeds that were judged on the usual machine (`Results.timed`).
+    Seconds are of the seeds that were judged on the usual machine (`Results.timed`). First comes whose
+    answer generalizes most often.
     """
     head = [
         "method",
@@ -106,8 +136,9 @@ def answer_table(rows: Sequence[Path]) -> str:
             actions = np.percentile([row["simulated_actions"] for row in answers], [50, 95])
             cells = [f"{100 * np.mean(x):.1f} %" for x in (solved, right)]
             cells += [f"{x:.2f}" for x in seconds] + [f"{x:.0f}" for x in actions]
-            table.append([name_of(method), str(len(runs[0].tasks)), str(len(runs)), *cells])
-    return markdown_cells(head, table)
+            cells = [name_of(method), str(len(runs[0].tasks)), str(len(runs)), *cells]
+            table.append((np.mean(right), cells))
+    return markdown_cells(head, [cells for _, cells in sorted(table, key=lambda row: -row[0])])
 
 
 def noise_table(rows: Path, method: str) -> str:
@@ -162,7 +193,7 @@ def _check_comparable(one: MethodResults, other: MethodResults) -> None:
 
 def _change(before: MethodResults, after: MethodResults, k: int) -> str:
     """How many of the tasks it solves among ``k`` candidates, and how many points more or less that is."""
-    was, now = (100.0 * run.matches("generalization_state", k) for run in (before, after))
+    was, now = (100.0 * run.matches(GOAL, k) for run in (before, after))
     gain = bootstrap((now - was)[None])
     return f"{now.mean():.1f} ({gain})"
 
