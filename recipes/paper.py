@@ -319,7 +319,7 @@ def noise_page(results: Path) -> str:
 def readme_table(results: Path) -> str:
     """The README's table beside the paper's figures, its scale, and what may be said of its differences."""
     found = Results.read(results / "methods")
-    ahead = "How many points EVAPS is ahead in generalization, with 95 % intervals, in bold if these are clear of 0:"
+    ahead = "How many points EVAPS is ahead in generalization, with 95 % intervals; in bold if clear of zero:"
     table = summary_table(found, beside_paper=True)
     return "\n\n".join([table, scale_note(found), ahead, lead_table(found, "evaps")])
 
