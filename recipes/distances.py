@@ -1,6 +1,6 @@
 """Which candidates are mended: by how many tokens they are from the program that was meant.
 
-    python -m recipes.distances   # results/small/distances.json, a table in docs/methods.md; needs the data
+    python -m recipes.distances   # results/small/distances.json, a table in docs/findings.md; needs the data
 
 A candidate's distance is the least number of tokens to replace, insert and delete until it is the gold
 program. Whether edits fit together matters only where more than one is missing.
@@ -82,7 +82,7 @@ def main() -> None:
     results = Results.read(plan.results / "methods")
     found = {method: mended(results.by_method[method], golds) for method in repairers(results)}
     write_atomically(plan.results / "distances.json", (json.dumps(found, indent=1) + "\n").encode())
-    put(Path("docs/methods.md"), "distances", table_of(found).markdown().strip())
+    put(Path("docs/findings.md"), "distances", table_of(found).markdown().strip())
 
 
 if __name__ == "__main__":

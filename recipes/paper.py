@@ -312,7 +312,7 @@ def keep_curves(plan: Plan, seed: int, method: str) -> None:
 
 
 def noise_page(results: Path) -> str:
-    """What noise costs, for docs/methods.md."""
+    """What noise costs, for docs/findings.md."""
     return noise_costs(results / "methods" / "noise")
 
 
@@ -325,12 +325,12 @@ def readme_table(results: Path) -> str:
 
 
 def main(plan: Plan) -> None:
-    """Make it; what the README and docs/methods.md show is of the small scale, in its place."""
+    """Make it; what the README and docs/findings.md show is of the small scale, in its place."""
     make(plan)
     if plan.results == Path("results/small"):
         put(Path("README.md"), "results/small/methods", readme_table(plan.results))
         if (plan.results / "methods" / "noise").is_dir():
-            put(Path("docs/methods.md"), "noise", noise_page(plan.results))
+            put(Path("docs/findings.md"), "noise", noise_page(plan.results))
 
 
 if __name__ == "__main__":

@@ -35,4 +35,4 @@ def test_candidates_are_counted_by_distance_and_by_round() -> None:
 
 def test_docs_show_what_was_counted() -> None:
     found = json.loads((ROOT / "results/small/distances.json").read_text())
-    assert table_of(found).markdown().strip() in (ROOT / "docs/methods.md").read_text()
+    assert table_of(found).markdown().strip() in (ROOT / "docs/findings.md").read_text()

@@ -37,6 +37,7 @@ from recipes.ablation import main as make_ablation
 from recipes.gallery import Gallery
 from recipes.gallery import main as make_gallery
 from recipes.paper import Plan, make
+from recipes.rewards import main as make_rewards
 
 ROOT = Path(__file__).parents[1]
 EVAPS = str(Path(sys.executable).with_name("evaps"))
@@ -142,6 +143,15 @@ def test_the_ablation_says_what_parts_are_worth_with_and_without_the_lstm(
     assert [name for name in found if lost in found[name]] == ["evaps", "evaps-alone"]
     weights = load_file(plan.runs(0) / "evaps-alone" / "model.safetensors")
     assert not any(name.startswith(("onwards", "backwards")) for name in weights)
+
+
+def test_rewards_stand_beside_the_very_lgrl_that_they_start_from(plan: Plan) -> None:
+    make_rewards(plan)
+    both = plan.results / "methods" / "rewards"
+    assert {path.name for path in both.iterdir()} == {"lgrl-0.parquet", "lgrl-rl-0.parquet"}
+    for path in both.iterdir():
+        programs = [pq.read_table(p, columns=["program", "weights"]) for p in (path, both.parent / path.name)]
+        assert programs[0].equals(programs[1])
 
 
 def test_another_seed_trains_the_method_and_shares_the_encoder(plan: Plan) -> None:

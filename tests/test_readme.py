@@ -36,7 +36,7 @@ def test_the_figures_of_verified_synthesis_are_those_of_the_committed_rows() -> 
 
 
 def test_the_figures_about_noise_are_those_of_the_committed_rows() -> None:
-    page = (ROOT / "docs" / "methods.md").read_text()
+    page = (ROOT / "docs" / "findings.md").read_text()
     shown = page.split("<!-- noise -->")[1].split("<!-- end -->")[0]
     assert shown.strip() == noise_page(ROOT / "results" / "small")
 

@@ -21,7 +21,7 @@ TABLE_2 = (BEFORE, "naive", "evaps-o", "evaps-s", "evaps")
 TABLE_1 = (BEFORE, "lgrl-rl", "sed", "inferred-trace", "latent-execution", "transformer", *TABLE_2[1:])
 SERIES = [f"top-{k}" for k in TOP]
 NAIVE = (
-    "Naive repairs, but blindly; the paper's may be meant as what there is before repair (docs/methods.md)."
+    "Naive repairs, but blindly; the paper's may be meant as what there is before repair (docs/findings.md)."
 )
 SHARE = "% of the tasks ± deviation over seeds"
 
