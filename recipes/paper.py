@@ -30,7 +30,7 @@ from evaps.metrics import Results
 from evaps.models import METHODS, PROPOSER, SHIPPED, needed_for
 from evaps.models.checkpoint import hash_of
 from evaps.report import report
-from evaps.report.summary import lead_table, noise_costs, summary_table
+from evaps.report.summary import lead_table, noise_costs, seeds_table, summary_table
 from evaps.report.wording import scale_note
 from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
@@ -329,6 +329,7 @@ def main(plan: Plan) -> None:
     make(plan)
     if plan.results == Path("results/small"):
         put(Path("README.md"), "results/small/methods", readme_table(plan.results))
+        put(Path("docs/findings.md"), "seeds", seeds_table(Results.read(plan.results / "methods")))
         if (plan.results / "methods" / "noise").is_dir():
             put(Path("docs/findings.md"), "noise", noise_page(plan.results))
 

@@ -18,15 +18,9 @@ from evaps.files import write_atomically
 from evaps.metrics import Results, Row
 from evaps.models import needed_for
 from evaps.report import SEARCHED
+from evaps.report.answers import answer_table, budget_table, confidence_table, noise_table, steps_table
 from evaps.report.names import name_of
-from evaps.report.summary import (
-    answer_table,
-    budget_table,
-    confidence_table,
-    noise_table,
-    steps_table,
-    summary_table,
-)
+from evaps.report.summary import summary_table
 from evaps.report.table import markdown_cells
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.task import EXAMPLES

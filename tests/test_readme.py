@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from commands import check_commands
 
-from evaps.report.summary import answer_table, bench_table
+from evaps.metrics import Results
+from evaps.report.answers import answer_table
+from evaps.report.summary import bench_table, seeds_table
 from recipes import verified
 from recipes.paper import noise_page, readme_table
 
@@ -39,6 +41,12 @@ def test_the_figures_about_noise_are_those_of_the_committed_rows() -> None:
     page = (ROOT / "docs" / "findings.md").read_text()
     shown = page.split("<!-- noise -->")[1].split("<!-- end -->")[0]
     assert shown.strip() == noise_page(ROOT / "results" / "small")
+
+
+def test_the_figures_of_each_seed_are_those_of_the_committed_rows() -> None:
+    page = (ROOT / "docs" / "findings.md").read_text()
+    shown = page.split("<!-- seeds -->")[1].split("<!-- end -->")[0]
+    assert shown.strip() == seeds_table(Results.read(ROOT / "results" / "small" / "methods"))
 
 
 def test_every_command_it_shows_exists() -> None:

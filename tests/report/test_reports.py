@@ -12,20 +12,13 @@ from rows import repaired, results_of, rows, table_of
 from evaps.dsl import UserError
 from evaps.metrics import Results
 from evaps.report import BUDGETS, LEARNING, NOISE, REPORTS, SEARCHED, SIZES, report
+from evaps.report.answers import answer_table, budget_table, noise_table
 from evaps.report.comparisons import checked, differences
 from evaps.report.curves import actions, candidates, complexity, learning, noise, seconds, sizes
 from evaps.report.dots import Dot
 from evaps.report.figure import Figure, Line
 from evaps.report.repairs import edits, effects, rounds
-from evaps.report.summary import (
-    answer_table,
-    budget_table,
-    lead_table,
-    noise_costs,
-    noise_table,
-    summary_table,
-    summary_values,
-)
+from evaps.report.summary import lead_table, noise_costs, summary_table, summary_values
 from evaps.report.table import Table
 from evaps.report.tables import table_1, table_2
 from evaps.report.wording import scale_note

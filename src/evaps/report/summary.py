@@ -1,9 +1,9 @@
-"""Short tables for pages and the terminal, from evaluation rows."""
+"""Short tables that compare methods, for pages and the terminal, from evaluation rows."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +12,11 @@ from jaxtyping import Float
 
 from evaps.bootstrap import bootstrap
 from evaps.dsl import UserError
-from evaps.metrics import METRICS, TITLES, TOP, MethodResults, Results, Row
+from evaps.metrics import METRICS, TITLES, TOP, MethodResults, Results
 from evaps.report.names import name_of
 from evaps.report.paper import GENERALIZATION
 from evaps.report.table import markdown_cells
 from evaps.report.wording import GOAL
-from evaps.tasks.info import STEP_BUCKETS, step_bucket
-from evaps.tasks.task import EXAMPLES
 
 
 def summary_table(results: Results, beside_paper: bool = False) -> str:
@@ -37,7 +35,7 @@ def summary_table(results: Results, beside_paper: bool = False) -> str:
     costs = ["answer", "seconds", "simulated actions"]
     head = ["method", *["seeds"] * several, *(TITLES[m] for m in METRICS), *paper, *costs]
     table = []
-    for method in sorted(results.methods, key=lambda m: -results.top(m, GOAL, 1).mean()):
+    for method in best_first(results):
         runs = results.by_method[method]
         cells = [name_of(method), *[str(len(runs))] * several]
         cells += [" / ".join(_mean(results.top(method, m, k)) for k in TOP) for m in METRICS]
@@ -60,6 +58,24 @@ def _answers_and_costs(results: Results, method: str) -> tuple[float, float, flo
     seconds = np.mean([run.column("seconds").mean() for run in results.timed(method)])
     actions = np.mean([run.column("simulated_actions").mean() for run in runs])
     return float(answered), float(seconds), float(actions)
+
+
+def seeds_table(results: Results) -> str:
+    """Markdown: for each method and seed which share generalizes at top-1 / 5 / 20, in %."""
+    seeds = sorted({run.seed for run in results.each()})
+    table = []
+    for method in best_first(results):
+        shares = {
+            run.seed: [100 * run.matches(GOAL, k).mean() for k in TOP] for run in results.by_method[method]
+        }
+        cells = [" / ".join(f"{share:.1f}" for share in shares.get(seed, ())) for seed in seeds]
+        table.append([name_of(method), *cells])
+    return markdown_cells(["method", *(f"seed {seed}" for seed in seeds)], table)
+
+
+def best_first(results: Results) -> list[str]:
+    """The methods by how often their first program generalizes."""
+    return sorted(results.methods, key=lambda method: -results.top(method, GOAL, 1).mean())
 
 
 def lead_table(results: Results, method: str, ks: Sequence[int] = (min(TOP), max(TOP))) -> str:
@@ -107,56 +123,6 @@ def summary_values(results: Results) -> list[dict[str, Any]]:
     return found
 
 
-def answer_table(rows: Sequence[Path]) -> str:
-    """Markdown: the one answer of each method that the files have rows of, of all seeds, and its cost.
-
-    Seconds are of the seeds that were judged on the usual machine (`Results.timed`). First comes whose
-    answer generalizes most often.
-    """
-    head = [
-        "method",
-        "tasks",
-        "seeds",
-        "passes all five",
-        "generalizes",
-        "seconds, median",
-        "95 %",
-        "actions, median",
-        "95 %",
-    ]
-    table = []
-    for path in rows:
-        results = Results.read(path)
-        for method, runs in results.by_method.items():
-            answers = [answer for run in runs for answer in run.answers()]
-            solved = [row["pairs_passed"] == EXAMPLES for row in answers]
-            right = [row["generalization_state"] for row in answers]
-            times = np.concatenate([run.column("seconds") for run in results.timed(method)])
-            seconds = np.percentile(times, [50, 95])
-            actions = np.percentile([row["simulated_actions"] for row in answers], [50, 95])
-            cells = [f"{100 * np.mean(x):.1f} %" for x in (solved, right)]
-            cells += [f"{x:.2f}" for x in seconds] + [f"{x:.0f}" for x in actions]
-            cells = [name_of(method), str(len(runs[0].tasks)), str(len(runs)), *cells]
-            table.append((np.mean(right), cells))
-    return markdown_cells(head, [cells for _, cells in sorted(table, key=lambda row: -row[0])])
-
-
-def noise_table(rows: Path, method: str) -> str:
-    """Markdown: a method's one answer by the share of invalid pixels.
-
-    Args:
-        rows: a folder of files, one for each share.
-        method: of which method.
-    """
-    table = []
-    for share, results in sorted(Results.by_column(rows, "noise").items()):
-        answers = results.first(method).answers()
-        seconds = np.median([row["seconds"] for row in answers])
-        table.append([f"{100 * share:.0f} %", str(len(answers)), *_shares(answers), f"{seconds:.2f}"])
-    head = ["invalid pixels", "tasks", "passes all five", "generalizes", "seconds, median"]
-    return markdown_cells(head, table)
-
-
 def noise_costs(rows: Path) -> str:
     """Markdown: generalization by the share of invalid pixels, and what that share costs on the same tasks.
 
@@ -196,63 +162,6 @@ def _change(before: MethodResults, after: MethodResults, k: int) -> str:
     was, now = (100.0 * run.matches(GOAL, k) for run in (before, after))
     gain = bootstrap((now - was)[None])
     return f"{now.mean():.1f} ({gain})"
-
-
-def steps_table(rows: Path, method: str) -> str:
-    """Markdown: how often a method's answer passes and generalizes, by the steps of the task."""
-    answers = Results.read(rows).first(method).answers()
-    table = []
-    for bucket in STEP_BUCKETS:
-        there = [row for row in answers if step_bucket(row["steps"]) == bucket]
-        table.append([bucket, str(len(there)), *_shares(there)])
-    return markdown_cells(["steps", "tasks", "passes all five", "generalizes"], table)
-
-
-def budget_table(
-    answers: Mapping[str, Sequence[Row]], actions: Sequence[int], seconds: Sequence[float] = ()
-) -> str:
-    """Markdown: the shares of tasks with an answer that passes all five, and generalizes, within a budget.
-
-    Args:
-        answers: one for each task, by what is said of who gave them.
-        actions: how many may have been simulated.
-        seconds: how many it may have taken.
-    """
-    limits: list[tuple[str, float, str]] = [
-        *(("simulated_actions", n, f"{n:,} actions") for n in actions),
-        *(("seconds", s, f"{s:g} s") for s in seconds),
-    ]
-    table = [
-        [name, str(len(given)), *(_shares_within(given, key, limit) for key, limit, _ in limits)]
-        for name, given in answers.items()
-    ]
-    return markdown_cells(["within", "tasks", *(name for _, _, name in limits)], table)
-
-
-def _shares_within(answers: Sequence[Row], key: str, limit: float) -> str:
-    """Of the answers those that pass all five, and generalize, and have cost no more; in % of all."""
-    in_time = [row["pairs_passed"] == EXAMPLES and row[key] <= limit for row in answers]
-    right = [there and row["generalization_state"] for there, row in zip(in_time, answers, strict=True)]
-    return f"{100 * np.mean(in_time):.1f} / {100 * np.mean(right):.1f}"
-
-
-def confidence_table(rows: Path, method: str) -> str:
-    """Markdown: how often answers of a confidence generalize, of those that pass all five."""
-    answers = [r for r in Results.read(rows).first(method).answers() if r["pairs_passed"] == EXAMPLES]
-    table = []
-    for low, high in ((0.0, 0.5), (0.5, 0.7), (0.7, 0.9), (0.9, 1.0), (1.0, 1.1)):
-        there = [row for row in answers if low <= row["confidence"] + 1e-6 < high]
-        name = "1" if low == 1.0 else f"{low} to {high}"
-        table.append([name, str(len(there)), _shares(there)[1]])
-    return markdown_cells(["confidence", "answers", "generalize"], table)
-
-
-def _shares(answers: Sequence[Row]) -> tuple[str, str]:
-    """Of the answers those that pass all five, and those that generalize; in %."""
-    if not answers:
-        return "", ""
-    solved = np.mean([row["pairs_passed"] == EXAMPLES for row in answers])
-    return f"{100 * solved:.1f} %", f"{100 * np.mean([row['generalization_state'] for row in answers]):.1f} %"
 
 
 def bench_table(rows: Path) -> str:
