@@ -1,6 +1,9 @@
 """What EVAPS's parts are worth to the edits themselves, with and without the LSTM over its tokens.
 
-    python -m recipes.ablation   # results/small/ablation.json; an hour and a half after `recipes.paper`
+    python -m recipes.ablation           # results/small/ablation.json
+    python -m recipes.ablation --judge   # and rows of each, in results/small/methods/without-lstm
+
+The first takes an hour and a half after `recipes.paper`.
 
 The LSTM is no part of the paper: it tells every token of all others, which is what the graph is for. All
 repairers learn from the same mistakes, and are judged by the log-likelihood of the edits of the same
@@ -33,7 +36,7 @@ from evaps.tasks.dataset import Dataset
 from evaps.train import train
 from evaps.train.repairers import find_mistakes, mistake_loss
 from evaps.train.run import Run
-from recipes.paper import Plan, make_checkpoint, make_data, with_what_is_needed
+from recipes.paper import Plan, judge, make_checkpoint, make_data, with_what_is_needed
 
 ALONE = "-alone"
 """What is added to the name of a repairer without the LSTM."""
@@ -48,6 +51,8 @@ class Ablation:
     """Who is trained, with the LSTM and without; the others are compared with the first one."""
     seed: int = 2
     """Of the trainings, and of the mistakes."""
+    judge: bool = False
+    """Also judge each on the test tasks."""
     plan: Plan = field(default_factory=Plan)
     """Scale, workers and folders."""
 
@@ -99,10 +104,20 @@ def trained(ablation: Ablation, methods: Sequence[str]) -> Path:
     return plan.runs(seed)
 
 
+def make_rows(ablation: Ablation, runs: Path, methods: Sequence[str]) -> None:
+    """Rows of these methods in a folder of their own, in this process, which alone knows all of them."""
+    alone = replace(ablation.plan, workers=0)
+    for method in methods:
+        name = f"{method}-{ablation.seed}.parquet"
+        judge(alone, runs, (method,), alone.results / "methods" / "without-lstm" / name)
+
+
 def main(ablation: Ablation) -> None:
     """Train, and write what was found."""
     variants = [name for m in ablation.methods for name in (m, without_context(m))]
     runs = trained(ablation, variants)
+    if ablation.judge:
+        make_rows(ablation, runs, variants)
     run = Run(Dataset(ablation.plan.data), runs, ablation.plan.scale, ablation.seed, Workers(0))
     held = find_mistakes(run, "validation")
     elsewhere = looking_elsewhere(held)

@@ -19,6 +19,7 @@ from evaps import models
 from evaps.dsl import Program, UserError
 from evaps.dsl.sampler import PERCEPTION_KEYS
 from evaps.evaluate import EvaluationPart, Setting, _facts, evaluate, evaluate_part, match
+from evaps.metrics import Results
 from evaps.models import SHIPPED, Model, load_model, new_method
 from evaps.models.checkpoint import CheckpointError, hash_of, read_config, save_checkpoint
 from evaps.models.encoder import Encoder, EncoderConfig
@@ -130,7 +131,7 @@ def test_the_ablation_says_what_parts_are_worth_with_and_without_the_lstm(
 ) -> None:
     for name in ("naive", "evaps"):
         monkeypatch.setitem(models.METHODS, f"{name}-alone", models.METHODS[name])  # taken back in the end
-    make_ablation(Ablation(("naive", "evaps"), 0, plan))
+    make_ablation(Ablation(("naive", "evaps"), 0, judge=True, plan=plan))
     facts = json.loads((plan.results / "ablation.json").read_text())
     found = facts["repairers"]
     assert list(found) == ["naive", "naive-alone", "evaps", "evaps-alone"]
@@ -141,6 +142,8 @@ def test_the_ablation_says_what_parts_are_worth_with_and_without_the_lstm(
     assert more["low"] <= more["mean"] <= more["high"]
     lost = "lost with another example's observations"
     assert [name for name in found if lost in found[name]] == ["evaps", "evaps-alone"]
+    judged = Results.read(plan.results / "methods" / "without-lstm")
+    assert set(judged.methods) == set(found)
     weights = load_file(plan.runs(0) / "evaps-alone" / "model.safetensors")
     assert not any(name.startswith(("onwards", "backwards")) for name in weights)
 
