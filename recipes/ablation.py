@@ -36,6 +36,7 @@ from evaps.tasks.dataset import Dataset
 from evaps.train import train
 from evaps.train.repairers import find_mistakes, mistake_loss
 from evaps.train.run import Run
+from recipes.command import start
 from recipes.paper import Plan, judge, make_checkpoint, make_data, with_what_is_needed
 
 ALONE = "-alone"
@@ -147,4 +148,4 @@ def main(ablation: Ablation) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Ablation, description=__doc__))
+    start(lambda: main(tyro.cli(Ablation, description=__doc__)))

@@ -22,6 +22,7 @@ from evaps.report.repairs import repairers
 from evaps.report.table import Table
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.progress import track
+from recipes.command import start
 from recipes.pages import put
 from recipes.paper import Plan, make_data
 
@@ -86,4 +87,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

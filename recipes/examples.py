@@ -20,6 +20,7 @@ from evaps.robots.scenes import random_scene
 from evaps.tasks.generate import draft_task
 from evaps.tasks.questions import OpenProgram
 from evaps.tasks.task import EXAMPLES, Example, Task, save_task
+from recipes.command import start
 
 FOLDER = Path("examples/tasks")
 SEED = 2023
@@ -67,4 +68,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

@@ -22,6 +22,7 @@ from evaps.metrics import TOP
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.progress import track
 from evaps.train.judge import Judge
+from recipes.command import start
 from recipes.paper import DATA_SEED, Plan, make_data
 
 OUT = Path("results/small/fixed.json")
@@ -73,4 +74,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

@@ -30,6 +30,7 @@ from evaps.synthesis.solution import Candidate, attempt_all
 from evaps.tasks.dataset import Dataset, gold_task
 from evaps.tasks.task import EXAMPLES, Example, GoldTask, Task
 from evaps.viewer.gallery import Answer, Exhibit, write_gallery
+from recipes.command import start
 from recipes.paper import Plan, make_data
 
 LEAD = (
@@ -121,4 +122,4 @@ def main(gallery: Gallery) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Gallery, description=__doc__))
+    start(lambda: main(tyro.cli(Gallery, description=__doc__)))

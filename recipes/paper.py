@@ -38,6 +38,7 @@ from evaps.tasks.dataset import Dataset
 from evaps.tasks.identity import short_hash
 from evaps.train import train
 from evaps.train.scale import SCALES
+from recipes.command import start
 from recipes.pages import put
 
 DATA_SEED = 0
@@ -116,8 +117,10 @@ class Plan:
         """Fill in what the scale says.
 
         Raises:
-            UserError: there is no such scale.
+            UserError: there is no such scale, or no such method.
         """
+        for method in self.methods:
+            needed_for(method)
         if self.scale not in JUDGING:
             raise UserError(f"there is no scale {self.scale!r}; known are {', '.join(JUDGING)}")
         usual = JUDGING[self.scale]
@@ -335,4 +338,4 @@ def main(plan: Plan) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Plan, description=__doc__))
+    start(lambda: main(tyro.cli(Plan, description=__doc__)))

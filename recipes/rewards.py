@@ -13,6 +13,7 @@ import shutil
 import tyro
 
 from evaps.models import METHODS
+from recipes.command import start
 from recipes.paper import Plan, judge, make_checkpoint, make_data, make_rows, rows_path, with_what_is_needed
 
 REWARDED = "lgrl-rl"
@@ -20,17 +21,17 @@ REWARDED = "lgrl-rl"
 
 def main(plan: Plan) -> None:
     """The rows of both for each seed, in a folder of their own; what is there is not made again."""
-    start = METHODS[REWARDED].start
-    assert start is not None
+    before = METHODS[REWARDED].start
+    assert before is not None
     folder = plan.results / "methods" / "rewards"
     make_data(plan)
     for seed in plan.seeds:
         for method in with_what_is_needed((REWARDED,)):
             make_checkpoint(plan, seed, method)
-        judge(plan, plan.runs(seed), (start,), folder / f"{start}-{seed}.parquet")
+        judge(plan, plan.runs(seed), (before,), folder / f"{before}-{seed}.parquet")
         make_rows(plan, seed, REWARDED)
         shutil.copy(rows_path(plan, seed, REWARDED), folder)
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Plan, description=__doc__))
+    start(lambda: main(tyro.cli(Plan, description=__doc__)))

@@ -21,6 +21,7 @@ from evaps.report import SIZES, report
 from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
 from evaps.train import train
+from recipes.command import start
 from recipes.paper import (
     DATA_SEED,
     SHARED,
@@ -86,4 +87,4 @@ def main(sizes: Sizes) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Sizes, description=__doc__))
+    start(lambda: main(tyro.cli(Sizes, description=__doc__)))

@@ -24,6 +24,7 @@ from evaps.report.summary import summary_table
 from evaps.report.table import markdown_cells
 from evaps.tasks.dataset import Dataset
 from evaps.tasks.task import EXAMPLES
+from recipes.command import start
 from recipes.pages import put
 from recipes.paper import NOISE, Plan, judge, make_checkpoint, make_data, with_what_is_needed
 
@@ -172,4 +173,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

@@ -24,6 +24,7 @@ from evaps.synthesis.ways import follow
 from evaps.tasks.dataset import Dataset, gold_task
 from evaps.tasks.progress import track
 from evaps.tasks.task import EXAMPLES
+from recipes.command import start
 from recipes.paper import Plan, make_data
 
 OUT = Path("results/small/ways.json")
@@ -69,4 +70,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

@@ -49,7 +49,10 @@ VERDICTS = {
 }
 METHODS = ("lgrl", "evaps", "inferred-trace", "verified")
 ACTIONS = 150  # that a search may simulate
-UNTRAINED = ("transformer", "sed", "naive", "evaps-o", "evaps-s", "evaps-parallel")
+UNTRAINED = (
+    *("transformer", "sed", "naive", "evaps-o", "evaps-s", "evaps-parallel", "evaps-substitution"),
+    "evaps-no-goal",
+)
 FURTHER = ("sed-search", "inferred-trace+evaps", "verified-with-repairs", "enumeration", "blind", "prior")
 TRAINED = ("lgrl", "lgrl-rl", "inferred-trace", "latent-execution", "evaps")
 
@@ -297,7 +300,7 @@ def test_no_candidate_depends_on_what_methods_must_not_know(
 ) -> None:
     """Another hidden program, test scene, test goal, and other hidden states: byte for byte the same."""
     dataset, model = Dataset(data), all_models
-    others = ("lgrl-rl", "latent-execution", *UNTRAINED, *FURTHER[-3:])
+    others = ("lgrl-rl", "latent-execution", *UNTRAINED, *FURTHER)
     methods = METHODS if noise else (*METHODS, *others)
     setting = Setting("test", noise, ACTIONS, top_k=4, most_rounds=2)
     facts = {method: _facts(str(model), method, dataset, setting) for method in methods}

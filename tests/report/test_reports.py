@@ -465,3 +465,12 @@ def test_a_method_judged_on_fewer_tasks_says_so() -> None:
         "LGRL",
         "blind: draws from the prior until one passes (1 tasks)",
     ]
+
+
+def test_a_damaged_curve_is_named(tmp_path: Path) -> None:
+    (tmp_path / "curves").mkdir()
+    (tmp_path / "curves" / "lgrl-0.jsonl").write_text('{"step": 9, "validation_loss": 0.5}\n{bad\n')
+    with pytest.raises(
+        UserError, match=r"curves/lgrl-0.jsonl has no JSON value in line 2; make the file again"
+    ):
+        report("learning", tmp_path, tmp_path / "out")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ from evaps.report.figure import Figure, Line
 from evaps.report.names import name_of
 from evaps.report.paper import PAPER
 from evaps.report.wording import GOAL, scale_note
-from evaps.tasks.files import read_text
+from evaps.tasks.files import read_json_lines
 from evaps.tasks.info import STEP_BUCKETS, step_bucket
 from evaps.tasks.task import EXAMPLES
 
@@ -174,7 +173,7 @@ def learning(folder: Path) -> Figure:
     panels: dict[str, dict[str, Line]] = {title: {} for title, _, _ in LEARNED}
     for path in files:
         method, _, seed = path.stem.rpartition("-")
-        rows = [json.loads(line) for line in read_text(path).splitlines()]
+        rows = read_json_lines(path)
         name = name_of(method)
         label = name + (f", seed {seed}" if trainings[method] > 1 else "")
         for title, key, factor in LEARNED:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from evaps.report.names import name_of
 from evaps.report.paper import GENERALIZATION
 from evaps.report.table import markdown_cells
 from evaps.report.wording import GOAL
+from evaps.tasks.files import read_json_lines
 
 
 def summary_table(results: Results, beside_paper: bool = False) -> str:
@@ -166,6 +166,6 @@ def _change(before: MethodResults, after: MethodResults, k: int) -> str:
 
 def bench_table(rows: Path) -> str:
     """The figures of ``evaps bench`` as Markdown, from the file that its ``--out`` wrote."""
-    figures = [json.loads(line) for line in rows.read_text().splitlines()]
+    figures = read_json_lines(rows)
     table = [[f["name"], f"{f['value']:.4g} {f['unit']}", f["target"]] for f in figures]
     return markdown_cells(["what", "measured", "target"], table)

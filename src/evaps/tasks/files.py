@@ -58,6 +58,21 @@ def read_json(path: Path, error: type[UserError] = UserError) -> Any:
         raise error(f"{path} cannot be read: a number is too long or values nest too deeply") from None
 
 
+def read_json_lines(path: Path, error: type[UserError] = UserError) -> list[Any]:
+    """The values in a file that has one in each line.
+
+    Raises:
+        UserError: of the type ``error``: it cannot be read, or a line is not JSON.
+    """
+    values = []
+    for number, line in enumerate(read_text(path, error).splitlines(), 1):
+        try:
+            values.append(json.loads(line))
+        except ValueError:
+            raise error(f"{path} has no JSON value in line {number}; make the file again") from None
+    return values
+
+
 def read_table(path: Path, error: type[UserError] = UserError, **options: Any) -> pa.Table:
     """The table in a Parquet file.
 

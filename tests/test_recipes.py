@@ -1,0 +1,45 @@
+"""A recipe that cannot do what it was asked for says so in one line, before any work."""
+
+from collections.abc import Callable
+
+import pytest
+
+from evaps.dsl import UserError
+from recipes.command import start
+from recipes.paper import Plan, make
+
+
+def interrupted() -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    ("recipe", "status", "message"),
+    [
+        (
+            lambda: make(Plan("smoke", methods=("foo",))),
+            2,
+            "evaps: there is no method 'foo'; known are lgrl, ",
+        ),
+        (
+            lambda: make(Plan("big")),
+            2,
+            "evaps: there is no scale 'big'; known are smoke, quick, small, paper",
+        ),
+        (lambda: make(Plan("smoke", methods=("naive",), ship=True)), 2, "evaps: --ship is for encoder, "),
+        (interrupted, 130, "evaps: stopped"),
+    ],
+)
+def test_a_recipe_ends_with_one_line(
+    recipe: Callable[[], None], status: int, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        start(recipe)
+    assert ended.value.code == status
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(message)
+
+
+def test_an_unknown_method_is_refused_with_the_plan() -> None:
+    with pytest.raises(UserError, match="no method 'foo'"):
+        Plan(methods=("lgrl", "foo"))
