@@ -74,7 +74,7 @@ def seeds_table(results: Results) -> str:
 
 
 def best_first(results: Results) -> list[str]:
-    """The methods by how often their first program generalizes."""
+    """The methods, first the one whose first program generalizes most often."""
     return sorted(results.methods, key=lambda method: -results.top(method, GOAL, 1).mean())
 
 
