@@ -176,9 +176,9 @@ def test_complexity_has_a_panel_for_each_bucket_of_steps() -> None:
     for row in made:
         row["steps"] = 2 if row["task"] == 0 else 12
     panels = complexity(results_of(made)).panels
-    assert list(panels["2 steps"]["LGRL"].y) == [100] * 20
-    assert list(panels["7+ steps"]["LGRL"].y) == [0] * 4 + [100] * 16
-    assert not panels["3 steps"]
+    assert list(panels["2 steps (1 tasks)"]["LGRL"].y) == [100] * 20
+    assert list(panels["7+ steps (1 tasks)"]["LGRL"].y) == [0] * 4 + [100] * 16
+    assert not panels["3 steps (0 tasks)"]
 
 
 def test_an_answer_counts_from_what_it_has_cost() -> None:
@@ -474,3 +474,12 @@ def test_a_damaged_curve_is_named(tmp_path: Path) -> None:
         UserError, match=r"curves/lgrl-0.jsonl has no JSON value in line 2; make the file again"
     ):
         report("learning", tmp_path, tmp_path / "out")
+
+
+@pytest.mark.parametrize("name", ["noise", "sizes", "learning"])
+def test_a_report_of_more_than_rows_needs_their_folder(name: str, tmp_path: Path) -> None:
+    pq.write_table(table_of(rows("lgrl", [0])), tmp_path / "lgrl-0.parquet")
+    with pytest.raises(
+        UserError, match=rf"{name} needs the folder of rows that has (noise|sizes|curves)/ in it"
+    ):
+        report(name, tmp_path / "lgrl-0.parquet", tmp_path / "out")

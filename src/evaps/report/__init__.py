@@ -85,6 +85,10 @@ def _further(rows: Path) -> list[str]:
 
 
 def _make(name: str, rows: Path, read: Callable[..., Results]) -> Item | list[Table]:
+    if name in FURTHER and rows.is_file():
+        raise UserError(
+            f"{name} needs the folder of rows that has {FURTHER[name]}/ in it, not the file {rows}"
+        )
     if name == LEARNING:
         if LEARNING not in _further(rows):
             raise UserError(f"{rows / 'curves'} holds no METHOD-SEED.jsonl, the metrics.jsonl of trainings")

@@ -33,6 +33,7 @@ LEARNED = (
 def complexity(results: Results) -> Figure:
     """Generalization among the first 1 to 20 candidates, for tasks of so many steps."""
     panels = {}
+    tasks = Counter(_buckets(next(results.each())).tolist())
     for bucket in STEP_BUCKETS:
         lines = {}
         for method, runs in results.by_method.items():
@@ -43,19 +44,14 @@ def complexity(results: Results) -> Figure:
                     for k in _asked(runs)
                 ]
                 lines[name_of(method)] = Line(_asked(runs), shares)
-        panels[f"{bucket} steps"] = lines
-    notes = [f"{_tasks_by_steps(results)} The paper shows its figure without numbers."]
+        panels[f"{bucket} steps ({tasks[bucket]} tasks)"] = lines
+    notes = ["The paper shows its figure without numbers."]
     return Figure(panels, "candidates", "generalization (%)", notes=notes)
 
 
 def _buckets(run: MethodResults) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
     """For each task in which of STEP_BUCKETS it is."""
     return np.array([step_bucket(steps) for steps in run.column("steps")])
-
-
-def _tasks_by_steps(results: Results) -> str:
-    counts = Counter(_buckets(next(results.each())).tolist())
-    return f"Tasks of {', '.join(STEP_BUCKETS)} steps: {', '.join(str(counts[b]) for b in STEP_BUCKETS)}."
 
 
 def candidates(results: Results) -> Figure:
