@@ -319,9 +319,8 @@ def noise_page(results: Path) -> str:
     return noise_costs(results / "methods" / "noise")
 
 
-def readme_table(results: Path) -> str:
+def readme_table(found: Results) -> str:
     """The README's table beside the paper's figures, its scale, and what may be said of its differences."""
-    found = Results.read(results / "methods")
     ahead = "How many points EVAPS is ahead in generalization, with 95 % intervals; in bold if clear of zero:"
     table = summary_table(found, beside_paper=True)
     return "\n\n".join([table, scale_note(found), ahead, lead_table(found, "evaps")])
@@ -331,8 +330,9 @@ def main(plan: Plan) -> None:
     """Make it; what the README and docs/findings.md show is of the small scale, in its place."""
     make(plan)
     if plan.results == Path("results/small"):
-        put(Path("README.md"), "results/small/methods", readme_table(plan.results))
-        put(Path("docs/findings.md"), "seeds", seeds_table(Results.read(plan.results / "methods")))
+        found = Results.read(plan.results / "methods")
+        put(Path("README.md"), "results/small/methods", readme_table(found))
+        put(Path("docs/findings.md"), "seeds", seeds_table(found))
         if (plan.results / "methods" / "noise").is_dir():
             put(Path("docs/findings.md"), "noise", noise_page(plan.results))
 

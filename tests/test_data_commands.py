@@ -86,5 +86,5 @@ def test_bench_measures_everything(tmp_path: Path) -> None:
     assert len(figures) > 15
     assert all(row["value"] > 0 and row["machine"] and row["commit"] for row in figures.values())
     overhead = figures["execution / bare engine, view and perceptions after each"]["value"]
-    assert 0.8 < overhead < 3, "the bar is 1.15, but this is a tenth of a second beside other tests"
+    assert 0.8 < overhead < 2, "the bar is 1.15; this machine may be busy with other tests"
     assert figures["candidate checking, plain / memoised: engine actions"]["value"] > 1.5

@@ -19,9 +19,14 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 
 
-def test_the_figures_are_those_of_the_committed_rows() -> None:
+@pytest.fixture(scope="module")
+def results() -> Results:
+    return Results.read(ROOT / "results" / "small" / "methods")
+
+
+def test_the_figures_are_those_of_the_committed_rows(results: Results) -> None:
     shown = README.split("<!-- results/small/methods -->")[1].split("<!-- end -->")[0]
-    assert shown.strip() == readme_table(ROOT / "results" / "small")
+    assert shown.strip() == readme_table(results)
 
 
 def test_the_figures_of_the_benchmark_are_those_of_the_committed_rows() -> None:
@@ -43,10 +48,10 @@ def test_the_figures_about_noise_are_those_of_the_committed_rows() -> None:
     assert shown.strip() == noise_page(ROOT / "results" / "small")
 
 
-def test_the_figures_of_each_seed_are_those_of_the_committed_rows() -> None:
+def test_the_figures_of_each_seed_are_those_of_the_committed_rows(results: Results) -> None:
     page = (ROOT / "docs" / "findings.md").read_text()
     shown = page.split("<!-- seeds -->")[1].split("<!-- end -->")[0]
-    assert shown.strip() == seeds_table(Results.read(ROOT / "results" / "small" / "methods"))
+    assert shown.strip() == seeds_table(results)
 
 
 def test_every_command_it_shows_exists() -> None:
