@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 
-from evaps.cli.command import INTERRUPTED, WRONG_INPUT
+from evaps.cli.command import INTERRUPTED, WRONG_INPUT, end
 from evaps.dsl import UserError
 
 
@@ -18,11 +17,6 @@ def start(recipe: Callable[[], None]) -> None:
     try:
         recipe()
     except UserError as error:
-        _end(str(error), WRONG_INPUT)
+        raise SystemExit(end(WRONG_INPUT, str(error))) from None
     except KeyboardInterrupt:
-        _end("stopped; the same command goes on from there", INTERRUPTED)
-
-
-def _end(message: str, status: int) -> None:
-    print(f"evaps: {message}", file=sys.stderr)
-    raise SystemExit(status) from None
+        raise SystemExit(end(INTERRUPTED, "stopped; the same command goes on from there")) from None

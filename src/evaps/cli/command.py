@@ -58,17 +58,17 @@ def exit_status(command: Command, debug: bool = False) -> int:
         sys.stdout.flush()
         return DONE
     except KeyboardInterrupt:
-        return _end(INTERRUPTED, command.stopped, debug)
+        return end(INTERRUPTED, command.stopped, debug)
     except BrokenPipeError:  # whoever reads our output has seen enough
         close_output()
         return FAILED
     except UserError as error:
-        return _end(WRONG_INPUT, str(error), debug)
+        return end(WRONG_INPUT, str(error), debug)
     except (EngineError, Failure) as error:
-        return _end(FAILED, str(error), debug)
+        return end(FAILED, str(error), debug)
     except Exception as error:
         hint = "" if debug else " (evaps --debug COMMAND ... shows where)"
-        return _end(FAILED, f"unexpected {type(error).__name__}: {error}{hint}", debug)
+        return end(FAILED, f"unexpected {type(error).__name__}: {error}{hint}", debug)
 
 
 def close_output() -> None:
@@ -76,7 +76,17 @@ def close_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _end(status: int, message: str, debug: bool) -> int:
+def end(status: int, message: str, debug: bool = False) -> int:
+    """Say in one line on standard error why a job has ended.
+
+    Args:
+        status: the exit status.
+        message: why.
+        debug: show the traceback too.
+
+    Returns:
+        the exit status.
+    """
     if debug:
         traceback.print_exc()
     print("evaps:", " ".join(message.split()), file=sys.stderr)
