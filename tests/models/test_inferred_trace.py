@@ -44,6 +44,19 @@ def test_padding_of_ways_changes_nothing() -> None:
     torch.testing.assert_close(net.policy.loss(ways), net.policy.loss(replace(ways, **longer)))
 
 
+def test_the_policy_says_the_same_on_the_way_as_of_a_whole_way() -> None:
+    torch.manual_seed(0)
+    policy, ways = Policy(SMALL).eval(), some_ways(2)
+    seen, perceived, goal, last = (
+        x.flatten(0, 1) for x in (ways.seen, ways.perceived, ways.goal, torch.randint(STOP, (2, 5, 6)))
+    )
+    hidden, logits = policy.start(len(goal)), []
+    for time in range(seen.shape[1]):
+        decided, hidden = policy.step(seen[:, time], perceived[:, time], goal, last[:, time], hidden)
+        logits.append(decided)
+    torch.testing.assert_close(torch.stack(logits, 1), policy(seen, perceived, goal, last))
+
+
 def test_the_policy_can_learn_ways_by_heart() -> None:
     torch.manual_seed(0)
     policy, ways = Policy(SMALL), some_ways(16)

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-from evaps.models.recurrent import PairLSTM, StepLSTM
+from evaps.models.recurrent import PairLSTM, one_step
 
 BATCH, PAIRS, TIME, TOKEN, PAIR, HIDDEN = 3, 5, 7, 6, 8, 4
 
@@ -45,13 +45,11 @@ def test_a_token_at_a_time_ends_where_all_at_once_do() -> None:
 def test_one_token_at_a_time_is_the_same_as_all_at_once() -> None:
     torch.manual_seed(2)
     whole = nn.LSTM(TOKEN, HIDDEN, 2)
-    steps = StepLSTM(TOKEN, HIDDEN, 2)
-    steps.load_state_dict(whole.state_dict())
     x = torch.randn(4, 3, TOKEN)
     expected, last = whole(x)
     hidden, outputs = (torch.zeros(2, 3, HIDDEN), torch.zeros(2, 3, HIDDEN)), []
     for token in x:
-        output, hidden = steps(token, hidden)
+        output, hidden = one_step(whole, token, hidden)
         outputs.append(output)
     torch.testing.assert_close(torch.stack(outputs), expected)
     torch.testing.assert_close(hidden, last)

@@ -28,19 +28,19 @@ def table() -> FeatureTable:
 
 
 class Scripted(Policy):
-    """Does the same on every scene, whatever it sees; its state is the time."""
+    """Does the same on every scene, whatever it sees."""
 
     def __init__(self, actions: list[str]) -> None:
         super().__init__(InferredTraceConfig())
         self.script = [*map(ACTIONS.index, actions), STOP]
         self.seen: list[torch.Tensor] = []
 
-    def forward(self, seen, perceived, goal, last, hidden=None):  # type: ignore[no-untyped-def]
-        time = 0 if hidden is None else hidden
-        self.seen.append(seen[:, 0])
-        logits = torch.zeros(len(seen), 1, STOP + 1)
-        logits[..., self.script[min(time, len(self.script) - 1)]] = 1
-        return logits, time + 1
+    def step(self, seen, perceived, goal, last, hidden):  # type: ignore[no-untyped-def]
+        time = len(self.seen)
+        self.seen.append(seen)
+        logits = torch.zeros(len(seen), STOP + 1)
+        logits[:, self.script[min(time, len(self.script) - 1)]] = 1
+        return logits, hidden
 
 
 def test_every_predicted_action_is_executed(task: Task, robot: MemoRobot, table: FeatureTable) -> None:

@@ -20,7 +20,7 @@ from evaps.dsl import VOCAB
 from evaps.dsl.sampler import ACTIONS, PERCEPTION_KEYS
 from evaps.models.base import Synthesizer
 from evaps.models.pairs import PairConfig, PairEmbedding
-from evaps.models.recurrent import BothWays, PairLSTM, select_hidden
+from evaps.models.recurrent import BothWays, PairLSTM, one_step, select_hidden
 
 STOP = len(ACTIONS)
 START = STOP + 1
@@ -90,20 +90,45 @@ class Policy(nn.Module):
         perceived: Float[Tensor, "row time perception"],
         goal: Float[Tensor, "row feature"],
         last: Int[Tensor, "row time"],
-        hidden: Hidden | None = None,
-    ) -> tuple[Float[Tensor, "row time action"], Hidden]:
-        """Logits of what is done at each time, knowing what was done before it, and the LSTM's state."""
-        pair = self.dropout(self.pair(seen, goal[:, None].expand_as(seen)))
-        parts = [self.action(last), F.relu(self.view(seen)), perceived.to(pair.dtype), pair]
-        outputs, hidden = self.lstm(torch.cat(parts, -1), hidden)
-        return self.output(torch.cat([self.dropout(outputs), pair], -1)), hidden
+    ) -> Float[Tensor, "row time action"]:
+        """Logits of what is done at each time, knowing what was done before it."""
+        pair = self._pair(seen, goal[:, None].expand_as(seen))
+        outputs, _ = self.lstm(self._given(seen, perceived, pair, last))
+        return self._decide(outputs, pair)
+
+    def start(self, rows: int) -> Hidden:
+        """The LSTM's state before the first action."""
+        zeros = self.output.weight.new_zeros(self.lstm.num_layers, rows, self.lstm.hidden_size)
+        return zeros, zeros
+
+    def step(
+        self,
+        seen: Float[Tensor, "row feature"],
+        perceived: Float[Tensor, "row perception"],
+        goal: Float[Tensor, "row feature"],
+        last: Int[Tensor, " row"],
+        hidden: Hidden,
+    ) -> tuple[Float[Tensor, "row action"], Hidden]:
+        """Logits of what is done now, and the LSTM's state, for who is on the way."""
+        pair = self._pair(seen, goal)
+        outputs, hidden = one_step(self.lstm, self._given(seen, perceived, pair, last), hidden)
+        return self._decide(outputs, pair), hidden
+
+    def _pair(self, seen: Tensor, goal: Tensor) -> Float[Tensor, "... pair"]:
+        return self.dropout(self.pair(seen, goal))
+
+    def _given(self, seen: Tensor, perceived: Tensor, pair: Tensor, last: Tensor) -> Tensor:
+        return torch.cat([self.action(last), F.relu(self.view(seen)), perceived.to(pair.dtype), pair], -1)
+
+    def _decide(self, outputs: Tensor, pair: Tensor) -> Float[Tensor, "... action"]:
+        return self.output(torch.cat([self.dropout(outputs), pair], -1))
 
     def loss(self, ways: Ways) -> tuple[Float[Tensor, ""], Float[Tensor, ""]]:
         """Cross-entropy of what was done at each time, and the share that is predicted right."""
         actions = ways.actions.flatten(0, 1)
         last = F.pad(actions[:, :-1], (1, 0), value=START)
         flat = [x.flatten(0, 1) for x in (ways.seen, ways.perceived, ways.goal)]
-        logits = self(*flat, last)[0].float()
+        logits = self(*flat, last).float()
         real = ways.real.flatten(0, 1)
         right = (logits.argmax(-1) == actions)[real].float().mean()
         return F.cross_entropy(logits[real], actions[real]), right

@@ -20,7 +20,7 @@ from torch.nn import functional as F
 from evaps.dsl import VOCAB, token_type
 from evaps.models.base import Features, Synthesizer, masked_likelihood
 from evaps.models.pairs import PairConfig, PairEmbedding
-from evaps.models.recurrent import StepLSTM, select_hidden
+from evaps.models.recurrent import one_step, select_hidden
 
 _ENDS = torch.tensor([token_type(t) == "action" or t in ("i)", "e)", "w)", "r)") for t in VOCAB.tokens])
 """Which tokens end a statement or a branch: there the executor runs."""
@@ -69,7 +69,7 @@ class LatentExecution(Synthesizer):
         self.pair = PairEmbedding(PairConfig(config.feature, config.pair))
         self.norm = nn.LayerNorm(config.pair)
         self.embedding = nn.Embedding(len(VOCAB), config.hidden)  # <pad> stands for the start
-        self.lstm = StepLSTM(config.hidden + config.pair, config.hidden, config.layers)
+        self.lstm = nn.LSTM(config.hidden + config.pair, config.hidden, config.layers)
         self.executor = nn.Sequential(
             nn.Linear(config.feature + 2 * config.hidden, config.hidden),
             nn.ReLU(),
@@ -100,7 +100,7 @@ class LatentExecution(Synthesizer):
         pairs = state.goal.shape[1]
         told = self.dropout(token)[:, None].expand(-1, pairs, -1)
         inputs = torch.cat([told, self.dropout(state.given)], -1).flatten(0, 1)
-        outputs, hidden = self.lstm(inputs, state.hidden)
+        outputs, hidden = one_step(self.lstm, inputs, state.hidden)
         pooled = outputs.unflatten(0, (-1, pairs)).amax(1)
         return self.output(self.dropout(pooled)), replace(state, hidden=hidden)
 

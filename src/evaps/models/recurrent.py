@@ -23,26 +23,24 @@ def select_hidden(
     return hidden[0][:, flat], hidden[1][:, flat]
 
 
-class StepLSTM(nn.LSTM):
-    """An LSTM that is called for one token at a time, since what it reads next depends on what it said.
+def one_step(
+    lstm: nn.LSTM, x: Float[Tensor, "row size"], hidden: tuple[Tensor, Tensor]
+) -> tuple[Float[Tensor, "row hidden"], tuple[Tensor, Tensor]]:
+    """The top layer's output, and the state ``[layer, row, hidden]``, after a single token.
 
-    On a processor PyTorch's own puts its weights into another order at every call, which takes longer than
-    the step; this writes the step out. On a graphics card it is cuDNN's.
+    For what is read token by token, since what comes next depends on what was said. On a processor PyTorch's
+    LSTM puts its weights into another order at every call, which takes longer than the step; this writes the
+    step out. On a graphics card it is cuDNN's.
     """
-
-    def forward(  # type: ignore[override]
-        self, x: Float[Tensor, "row size"], hidden: tuple[Tensor, Tensor]
-    ) -> tuple[Float[Tensor, "row hidden"], tuple[Tensor, Tensor]]:
-        """The top layer's output, and the state ``[layer, row, hidden]`` after it."""
-        if x.is_cuda:
-            outputs, hidden = super().forward(x[None], hidden)
-            return outputs[0], hidden
-        states = []
-        for (into, onwards, a, b), before, cell in zip(self.all_weights, *hidden, strict=True):
-            x, cell = next_state(F.linear(x, into, a) + F.linear(before, onwards, b), cell)
-            states.append((x, cell))
-        hiddens, cells = zip(*states, strict=True)
-        return x, (torch.stack(hiddens), torch.stack(cells))
+    if x.is_cuda:
+        outputs, hidden = lstm(x[:, None] if lstm.batch_first else x[None], hidden)
+        return outputs.flatten(0, 1), hidden
+    states = []
+    for (into, onwards, a, b), before, cell in zip(lstm.all_weights, *hidden, strict=True):
+        x, cell = next_state(F.linear(x, into, a) + F.linear(before, onwards, b), cell)
+        states.append((x, cell))
+    hiddens, cells = zip(*states, strict=True)
+    return x, (torch.stack(hiddens), torch.stack(cells))
 
 
 class PairLSTM(nn.LSTM):

@@ -67,14 +67,13 @@ def follow(policy: Policy, task: Task, robot: MemoRobot, table: FeatureTable) ->
         views.append(robot.observe())
     ways = [Way([], [], [], goal, False) for goal in goals]
     done: list[list[str]] = [[] for _ in ways]
-    last, hidden = torch.full((len(ways),), START, device=table.table.device), None
+    last, hidden = torch.full((len(ways),), START, device=table.table.device), policy.start(len(ways))
     for time in range(LONGEST + 1):
         _look(ways, views, table)
         seen = table.table[[way.rows[-1] for way in ways]]
         perceived = _unpacked([way.perceived[-1] for way in ways]).to(seen.device)
-        told = (seen[:, None], perceived[:, None], table.table[goals], last[:, None], hidden)
-        logits, hidden = policy(*told)
-        last = logits[:, 0].float().argmax(-1) if time < LONGEST else torch.full_like(last, STOP)
+        logits, hidden = policy.step(seen, perceived, table.table[goals], last, hidden)
+        last = logits.argmax(-1) if time < LONGEST else torch.full_like(last, STOP)
         for i, (way, action) in enumerate(zip(ways, last.tolist(), strict=True)):
             if not way.actions or way.actions[-1] != STOP:
                 way.actions.append(action)
