@@ -106,6 +106,8 @@ class Plan:
     """Judge LGRL and EVAPS with noise, too, and without, five times on 400 tasks; None: as in JUDGING."""
     retrain: bool = False
     """Train and judge everything anew, beside shipped checkpoints and committed rows."""
+    frozen: bool = False
+    """Take encoder and inverse model that come with evaps, of scale small, instead of this scale's."""
     ship: bool = False
     """Put the checkpoints of SHIP into the package."""
     workers: int = 2
@@ -132,9 +134,9 @@ class Plan:
             object.__setattr__(self, name, value)
 
     @property
-    def again(self) -> str:
-        """What is added to the names of folders, so that nothing that was there before counts."""
-        return "-retrained" if self.retrain else ""
+    def kind(self) -> str:
+        """The scale and what is unusual, for names of folders, so that nothing else that is there counts."""
+        return self.scale + "-frozen" * self.frozen + "-retrained" * self.retrain
 
     @property
     def data(self) -> Path:
@@ -144,11 +146,11 @@ class Plan:
     @property
     def results(self) -> Path:
         """Folder of rows, learning curves and reports."""
-        return self.root / "results" / f"{self.scale}{self.again}"
+        return self.root / "results" / self.kind
 
     def runs(self, seed: int) -> Path:
         """Folder of a seed's checkpoints."""
-        return self.root / "runs" / f"{self.scale}-{seed}{self.again}"
+        return self.root / "runs" / f"{self.kind}-{seed}"
 
 
 def make(plan: Plan) -> None:
@@ -248,7 +250,9 @@ def make_checkpoint(plan: Plan, seed: int, method: str) -> None:
     """Take what is there, or train it: `evaps train METHOD --data DATA --out RUNS --seed SEED`."""
     folder = plan.runs(seed) / method
     shipped = SHIPPED / plan.scale / method
-    if seed and method in SHARED:
+    if plan.frozen and method in SHARED:
+        take(SHIPPED / "small" / method, folder)
+    elif seed and method in SHARED:
         make_checkpoint(plan, 0, method)
         take(plan.runs(0) / method, folder)
     elif seed == 0 and shipped.is_dir() and not plan.retrain:

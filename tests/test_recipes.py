@@ -1,12 +1,15 @@
 """A recipe that cannot do what it was asked for says so in one line, before any work."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from evaps.dsl import UserError
+from evaps.models import SHIPPED
+from evaps.models.checkpoint import hash_of
 from recipes.command import start
-from recipes.paper import Plan, make
+from recipes.paper import Plan, make, make_checkpoint
 
 
 def interrupted() -> None:
@@ -43,3 +46,11 @@ def test_a_recipe_ends_with_one_line(
 def test_an_unknown_method_is_refused_with_the_plan() -> None:
     with pytest.raises(UserError, match="no method 'foo'"):
         Plan(methods=("lgrl", "foo"))
+
+
+def test_a_frozen_encoder_is_the_one_that_comes_with_evaps(tmp_path: Path) -> None:
+    plan = Plan("paper", frozen=True, root=tmp_path)
+    for seed in (0, 1):
+        make_checkpoint(plan, seed, "encoder")
+        assert hash_of(plan.runs(seed) / "encoder") == hash_of(SHIPPED / "small" / "encoder")
+    assert "frozen" in plan.results.name  # beside rows of an encoder of the scale's own
