@@ -113,29 +113,34 @@ def missing_table() -> str:
     return markdown_cells(head, rows)
 
 
-def tables() -> str:
-    """The tables of docs/verified.md, from the rows."""
+def tables(methods: Results, verified: Results) -> str:
+    """The tables of docs/verified.md, from rows in METHODS, in ROWS, and in files that are read here."""
+    without = Results.read(PARTS)
     parts = [
-        answer_table([METHODS, ROWS]),
+        answer_table(methods, verified),
         "The first, the first five and the first twenty candidates, no two of which do the same (in %):",
-        summary_table(Results.read(ROWS)),
+        summary_table(verified),
         "By the steps of the task:",
-        steps_table(ROWS, "verified"),
+        steps_table(verified, "verified"),
         "By what the hidden program has, which no method sees:",
         missing_table(),
         "Within a budget (passes all five / generalizes, in %) LGRL's candidates, looked at, EVAPS's repairs "
         "of them, which is the paper's loop, the search, and programs drawn from the prior until one passes:",
         budget_table(
-            {**answers_of(METHODS, "lgrl", "evaps"), **answers_of(ROWS), **answers_of(BLIND)},
+            {
+                **answers_of(methods, "lgrl", "evaps"),
+                **answers_of(verified),
+                **answers_of(Results.read(BLIND)),
+            },
             ACTIONS,
             SECONDS,
         ),
         "Confidence, and how often answers of that confidence were right:",
-        confidence_table(ROWS, "verified"),
+        confidence_table(verified, "verified"),
         f"With one part left out, or one more, on the first {PART_TASKS} of these tasks:",
-        answer_table([PARTS]),
+        answer_table(without),
         "The same within a budget:",
-        budget_table(answers_of(PARTS), ACTIONS, SECONDS),
+        budget_table(answers_of(without), ACTIONS, SECONDS),
         f"With noise, on the first {NOISY_TASKS}; goals are compared on pixels that are valid in both views:",
         noise_table(NOISY, "verified"),
         f"With a guide of less data, and other budgets, on the first {COMPARED_TASKS} (passes all five / "
@@ -151,16 +156,16 @@ def tables() -> str:
     return "\n\n".join(parts)
 
 
-def answers_of(rows: Path, *methods: str) -> dict[str, Sequence[Row]]:
-    """The answers of some or all methods that a file or folder has rows of, by what they are called."""
-    results = Results.read(rows)
+def answers_of(results: Results, *methods: str) -> dict[str, Sequence[Row]]:
+    """The answers of some or all of the methods, by what they are called."""
     return {name_of(m): results.first(m).answers() for m in methods or results.methods}
 
 
 def make_tables() -> None:
     """Put them into the page, and the first into README.md."""
-    put(Path("docs/verified.md"), "verified", tables())
-    put(Path("README.md"), "answers", answer_table([METHODS, ROWS]))
+    methods, verified = Results.read(METHODS), Results.read(ROWS)
+    put(Path("docs/verified.md"), "verified", tables(methods, verified))
+    put(Path("README.md"), "answers", answer_table(methods, verified))
 
 
 def main() -> None:

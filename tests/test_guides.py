@@ -40,7 +40,7 @@ SMALLER = {
     "--tasks 40\n": "--tasks 1 --workers 0 --actions 200\n",
     "evaps train encoder --data data/small": "evaps train encoder --scale smoke --data data/small",
     "--scale smoke\n": "--scale smoke --workers 0\n",
-    "report all --rows results": f"report effects --rows {ROOT}/results",
+    "report all --rows results/small/methods": f"report effects --rows {ROOT}/results/small/methods/rewards",
 }
 """What stands in the pages, and what is run instead."""
 

@@ -427,14 +427,14 @@ def test_a_short_table_has_one_row_for_all_seeds_of_a_method(tmp_path: Path) -> 
     assert naive.split(" | ")[:2] == ["| Naive", "1"]
     values = summary_values(Results.read(tmp_path))[0]
     assert (values["method"], values["tasks"], values["seeds"], values["exact@5"]) == ("lgrl", 2, 2, 0.75)
-    pooled = answer_table([tmp_path]).splitlines()[2].split(" | ")
+    pooled = answer_table(Results.read(tmp_path)).splitlines()[2].split(" | ")
     assert (pooled[0], pooled[1], pooled[2], pooled[4]) == ("| LGRL", "2", "2", "50.0 %")
 
 
 def test_short_tables_begin_with_the_best(tmp_path: Path) -> None:
     for method, ranks in (("lgrl", [None, 0]), ("naive", [None, None]), ("evaps", [0, 0])):
         pq.write_table(table_of(rows(method, ranks)), tmp_path / f"{method}.parquet")
-    for table in (summary_table(Results.read(tmp_path)), answer_table([tmp_path])):
+    for table in (summary_table(Results.read(tmp_path)), answer_table(Results.read(tmp_path))):
         assert [line.split(" | ")[0] for line in table.splitlines()[2:]] == ["| EVAPS", "| LGRL", "| Naive"]
 
 

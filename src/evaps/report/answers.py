@@ -15,8 +15,8 @@ from evaps.tasks.info import STEP_BUCKETS, step_bucket
 from evaps.tasks.task import EXAMPLES
 
 
-def answer_table(rows: Sequence[Path]) -> str:
-    """Markdown: the one answer of each method that the files have rows of, of all seeds, and its cost.
+def answer_table(*judged: Results) -> str:
+    """Markdown: the one answer of each method that there are results of, of all seeds, and its cost.
 
     Seconds are of the seeds that were judged on the usual machine (`Results.timed`). First comes whose
     answer generalizes most often.
@@ -33,8 +33,7 @@ def answer_table(rows: Sequence[Path]) -> str:
         "95 %",
     ]
     table = []
-    for path in rows:
-        results = Results.read(path)
+    for results in judged:
         for method, runs in results.by_method.items():
             answers = [answer for run in runs for answer in run.answers()]
             solved = [row["pairs_passed"] == EXAMPLES for row in answers]
@@ -65,9 +64,9 @@ def noise_table(rows: Path, method: str) -> str:
     return markdown_cells(head, table)
 
 
-def steps_table(rows: Path, method: str) -> str:
+def steps_table(results: Results, method: str) -> str:
     """Markdown: how often a method's answer passes and generalizes, by the steps of the task."""
-    answers = Results.read(rows).first(method).answers()
+    answers = results.first(method).answers()
     table = []
     for bucket in STEP_BUCKETS:
         there = [row for row in answers if step_bucket(row["steps"]) == bucket]
@@ -103,9 +102,9 @@ def _shares_within(answers: Sequence[Row], key: str, limit: float) -> str:
     return f"{100 * np.mean(in_time):.1f} / {100 * np.mean(right):.1f}"
 
 
-def confidence_table(rows: Path, method: str) -> str:
+def confidence_table(results: Results, method: str) -> str:
     """Markdown: how often answers of a confidence generalize, of those that pass all five."""
-    answers = [r for r in Results.read(rows).first(method).answers() if r["pairs_passed"] == EXAMPLES]
+    answers = [r for r in results.first(method).answers() if r["pairs_passed"] == EXAMPLES]
     table = []
     for low, high in ((0.0, 0.5), (0.5, 0.7), (0.7, 0.9), (0.9, 1.0), (1.0, 1.1)):
         there = [row for row in answers if low <= row["confidence"] + 1e-6 < high]
