@@ -26,7 +26,6 @@ import tyro
 from jaxtyping import Float
 
 from evaps.bootstrap import bootstrap
-from evaps.files import write_atomically
 from evaps.models import METHODS, PROPOSER, load_method
 from evaps.models.base import Execution, Repairer
 from evaps.models.compute import device
@@ -38,6 +37,7 @@ from evaps.train.repairers import find_mistakes, mistake_loss
 from evaps.train.run import Run
 from recipes.command import start
 from recipes.paper import Plan, judge, make_checkpoint, make_data, with_what_is_needed
+from recipes.result import write_result
 
 ALONE = "-alone"
 """What is added to the name of a repairer without the LSTM."""
@@ -140,10 +140,7 @@ def main(ablation: Ablation) -> None:
                 usual[name], likelihoods(model, elsewhere)
             )
     facts = {"seed": ablation.seed, "held-out mistakes": len(held.targets), "tasks": len(usual[variants[0]])}
-    write_atomically(
-        ablation.plan.results / "ablation.json",
-        (json.dumps({**facts, "repairers": found}, indent=1) + "\n").encode(),
-    )
+    write_result(ablation.plan.results / "ablation.json", {**facts, "repairers": found})
     print(json.dumps(found, indent=1))
 
 

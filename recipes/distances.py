@@ -8,14 +8,12 @@ program. Whether edits fit together matters only where more than one is missing.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
 from evaps.dsl.alignment import align
-from evaps.files import write_atomically
 from evaps.metrics import MethodResults, Results, Row
 from evaps.report.names import name_of
 from evaps.report.repairs import repairers
@@ -25,6 +23,7 @@ from evaps.tasks.progress import track
 from recipes.command import start
 from recipes.pages import put
 from recipes.paper import Plan, make_data
+from recipes.result import write_result
 
 BUCKETS = (1, 2, 3, 5, 9)
 """The first distance in each."""
@@ -82,7 +81,7 @@ def main() -> None:
     golds = {i: p.split() for i, p in zip(rows.column("index"), rows.column("program"), strict=True)}
     results = Results.read(plan.results / "methods")
     found = {method: mended(results.by_method[method], golds) for method in repairers(results)}
-    write_atomically(plan.results / "distances.json", (json.dumps(found, indent=1) + "\n").encode())
+    write_result(plan.results / "distances.json", found)
     put(Path("docs/findings.md"), "distances", table_of(found).markdown().strip())
 
 

@@ -8,7 +8,6 @@ tasks that it is judged on, and so are the best five and twenty (greedily, by ho
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
@@ -24,6 +23,7 @@ from evaps.tasks.progress import track
 from evaps.train.judge import Judge
 from recipes.command import start
 from recipes.paper import DATA_SEED, Plan, make_data
+from recipes.result import write_result
 
 OUT = Path("results/small/fixed.json")
 TASKS = 1_000
@@ -68,7 +68,7 @@ def main() -> None:
         "of": len(programs),
         "dataset_seed": DATA_SEED,
     }
-    write_atomically(OUT, (json.dumps(found, indent=1) + "\n").encode())
+    write_result(OUT, found)
     OUT.with_suffix(".part").unlink()
     print(found["generalization"])
 

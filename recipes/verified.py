@@ -7,14 +7,12 @@ Times are those of two cores without a graphics card.
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from evaps.domain import CHOSEN
-from evaps.files import write_atomically
 from evaps.metrics import Results, Row
 from evaps.models import needed_for
 from evaps.report import SEARCHED
@@ -27,6 +25,7 @@ from evaps.tasks.task import EXAMPLES
 from recipes.command import start
 from recipes.pages import put
 from recipes.paper import NOISE, Plan, judge, make_checkpoint, make_data, with_what_is_needed
+from recipes.result import read_result, write_result
 
 PLAN = Plan()
 RESULTS = PLAN.results
@@ -93,7 +92,7 @@ def count_missing() -> None:
         became = 0 if right else 1 if passes else 2
         for trait in _traits(programs[answer["task"]]):
             counts.setdefault(trait, [0, 0, 0])[became] += 1
-    write_atomically(MISSING, (json.dumps(counts, indent=1, sort_keys=True) + "\n").encode())
+    write_result(MISSING, dict(sorted(counts.items())))
 
 
 def _traits(program: str) -> list[str]:
@@ -108,7 +107,7 @@ def missing_table() -> str:
     head = ["the hidden program has", "tasks", "generalizes", "passes all five, and is wrong", "not found"]
     rows = [
         [trait, str(sum(became)), *(f"{100 * n / sum(became):.1f} %" for n in became)]
-        for trait, became in json.loads(MISSING.read_text()).items()
+        for trait, became in read_result(MISSING).items()
     ]
     return markdown_cells(head, rows)
 

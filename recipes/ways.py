@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from evaps.files import write_atomically
 from evaps.metrics import TOP, Results
 from evaps.models import load_model
 from evaps.models.inferred_trace import InferredTrace
@@ -26,6 +25,7 @@ from evaps.tasks.progress import track
 from evaps.tasks.task import EXAMPLES
 from recipes.command import start
 from recipes.paper import Plan, make_data
+from recipes.result import write_result
 
 OUT = Path("results/small/ways.json")
 TASKS = 300
@@ -65,7 +65,7 @@ def main() -> None:
         groups.append({"goals reached": number, "tasks": len(tasks), f"generalization@{max(TOP)}": shares})
     share = round(100 * float(np.mean(list(reached.values()))) / EXAMPLES, 1)
     found = {"goals reached of all": share, "tasks": len(reached), "by goals reached": groups}
-    write_atomically(OUT, (json.dumps(found, indent=1) + "\n").encode())
+    write_result(OUT, found)
     print(json.dumps(found))
 
 

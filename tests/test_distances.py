@@ -1,11 +1,11 @@
 """Candidates by how many tokens they are from the gold program."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 from evaps.metrics import MethodResults
 from recipes.distances import mended, table_of
+from recipes.result import read_result
 
 ROOT = Path(__file__).parents[1]
 
@@ -34,5 +34,5 @@ def test_candidates_are_counted_by_distance_and_by_round() -> None:
 
 
 def test_docs_show_what_was_counted() -> None:
-    found = json.loads((ROOT / "results/small/distances.json").read_text())
+    found = read_result(ROOT / "results/small/distances.json")
     assert table_of(found).markdown().strip() in (ROOT / "docs/findings.md").read_text()

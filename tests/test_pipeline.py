@@ -38,6 +38,7 @@ from recipes.ablation import main as make_ablation
 from recipes.gallery import Gallery
 from recipes.gallery import main as make_gallery
 from recipes.paper import Plan, make
+from recipes.result import read_result
 from recipes.rewards import main as make_rewards
 
 ROOT = Path(__file__).parents[1]
@@ -135,8 +136,7 @@ def test_the_ablation_says_what_parts_are_worth_with_and_without_the_lstm(
     for name in ("naive", "evaps"):
         monkeypatch.setitem(models.METHODS, f"{name}-alone", models.METHODS[name])  # taken back in the end
     make_ablation(Ablation(("naive", "evaps"), 0, judge=True, plan=plan))
-    facts = json.loads((plan.results / "ablation.json").read_text())
-    found = facts["repairers"]
+    found = read_result(plan.results / "ablation.json")["repairers"]
     assert list(found) == ["naive", "naive-alone", "evaps", "evaps-alone"]
     more = found["evaps-alone"]["more than naive-alone"]
     assert more["mean"] == pytest.approx(
