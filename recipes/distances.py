@@ -14,7 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from evaps.dsl.alignment import align
-from evaps.metrics import MethodResults, Results, Row
+from evaps.metrics import MethodResults, Results, Row, attempt_after
 from evaps.report.names import name_of
 from evaps.report.repairs import repairers
 from evaps.report.table import Table
@@ -28,7 +28,7 @@ from recipes.result import write_result
 BUCKETS = (1, 2, 3, 5, 9)
 """The first distance in each."""
 WHEN: dict[str, Callable[[Row], Row]] = {
-    "one round": lambda row: row["attempts"][min(1, len(row["attempts"]) - 1)],
+    "one round": lambda row: attempt_after(row, 1),
     "all rounds": lambda row: row["attempts"][-1],
 }
 

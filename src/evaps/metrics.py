@@ -122,6 +122,12 @@ def _attempts(row: Row) -> Sequence[Row]:
     return row.get("attempts") or [row]
 
 
+def attempt_after(row: Row, rounds: int) -> Row:
+    """What a candidate was after so many rounds of repair, or after its last where it had fewer."""
+    attempts: Sequence[Row] = row["attempts"]
+    return attempts[min(rounds, len(attempts) - 1)]
+
+
 def _best_attempt(row: Row) -> Row:
     """The row as if its candidate had ended with the first attempt that passes most pairs.
 

@@ -12,7 +12,7 @@ from jaxtyping import Bool
 from evaps.bootstrap import bootstrap, bootstraps
 from evaps.dsl import token_type
 from evaps.dsl.alignment import align
-from evaps.metrics import TOP, MethodResults, Results, Row
+from evaps.metrics import TOP, MethodResults, Results, Row, attempt_after
 from evaps.report.figure import Figure, Line
 from evaps.report.names import name_of
 from evaps.report.table import Table
@@ -40,8 +40,7 @@ def rounds(results: Results) -> Figure:
 def _after(run: MethodResults, rounds: int, k: int) -> Bool[np.ndarray, " task"]:
     """For each task whether one of the first ``k`` candidates generalizes after some rounds."""
     right = [
-        any(r["attempts"][min(rounds, r["rounds"])]["generalization_state"] for r in run.first(t, k))
-        for t in run.tasks
+        any(attempt_after(r, rounds)["generalization_state"] for r in run.first(t, k)) for t in run.tasks
     ]
     return np.array(right)
 
