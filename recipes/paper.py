@@ -5,6 +5,7 @@
     python -m recipes.paper --methods lgrl evaps   # some of the methods
     python -m recipes.paper --retrain              # all of it anew, in results/small-retrained
     python -m recipes.paper --ship                 # and put LGRL's and EVAPS's in their place
+    python -m recipes.paper --scale paper --frozen --seeds 0 --tasks 1000 --no-noise --methods lgrl evaps
 
 `make paper SCALE=small` is the first of these. Rows that came with the checkout are not made again. On two
 cores without a graphics card small takes 8 to 20 minutes for the data, 7 to 75 for each training, and 5 to 40
@@ -30,7 +31,7 @@ from evaps.metrics import Results
 from evaps.models import METHODS, PROPOSER, SHIPPED, needed_for
 from evaps.models.checkpoint import hash_of
 from evaps.report import report
-from evaps.report.summary import lead_table, noise_costs, seeds_table, summary_table
+from evaps.report.summary import gains_of_scale, lead_table, noise_costs, seeds_table, summary_table
 from evaps.report.wording import scale_note
 from evaps.robots.workers import Workers
 from evaps.tasks.build import generate
@@ -323,6 +324,13 @@ def noise_page(results: Path) -> str:
     return noise_costs(results / "methods" / "noise")
 
 
+def scale_table(smaller: Plan, larger: Plan) -> str:
+    """What more tasks give to the methods that have rows at the larger scale, for docs/findings.md."""
+    found = Results.read(larger.results / "methods")
+    paths = [rows_path(smaller, found.first(method).seed, method) for method in found.methods]
+    return gains_of_scale(Results.read(*paths), found)
+
+
 def readme_table(found: Results) -> str:
     """The README's table beside the paper's figures, its scale, and what may be said of its differences."""
     ahead = "How many points EVAPS is ahead in generalization, with 95 % intervals; in bold if clear of zero:"
@@ -330,9 +338,15 @@ def readme_table(found: Results) -> str:
     return "\n\n".join([table, scale_note(found), ahead, lead_table(found, "evaps")])
 
 
+LARGER = Plan("paper", frozen=True)
+"""Whose rows docs/findings.md puts beside those of the small scale."""
+
+
 def main(plan: Plan) -> None:
-    """Make it; what the README and docs/findings.md show is of the small scale, in its place."""
+    """Make it; what the README and docs/findings.md show of it is put in its place."""
     make(plan)
+    if plan.results == LARGER.results:
+        put(Path("docs/findings.md"), "scales", scale_table(Plan(), plan))
     if plan.results == Path("results/small"):
         found = Results.read(plan.results / "methods")
         put(Path("README.md"), "results/small/methods", readme_table(found))

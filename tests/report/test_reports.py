@@ -18,7 +18,7 @@ from evaps.report.curves import actions, candidates, complexity, learning, noise
 from evaps.report.dots import Dot
 from evaps.report.figure import Figure, Line
 from evaps.report.repairs import edits, effects, rounds
-from evaps.report.summary import lead_table, noise_costs, summary_table, summary_values
+from evaps.report.summary import gains_of_scale, lead_table, noise_costs, summary_table, summary_values
 from evaps.report.table import Table
 from evaps.report.tables import table_1, table_2
 from evaps.report.wording import scale_note
@@ -385,6 +385,16 @@ def test_what_noise_costs_is_told_on_the_same_tasks_and_in_the_same_precision(tm
         write(share, ranks, precision)
         with pytest.raises(UserError, match="differ in tasks or in precision"):
             noise_costs(tmp_path)
+
+
+def test_what_a_larger_scale_gains_is_told_on_the_same_tasks() -> None:
+    small = results_of(rows("lgrl", [0, None]), rows("evaps", [None, None]))
+    large = results_of([row | {"trained_on": 100_000} for row in rows("lgrl", [0, 0])])
+    before, after = gains_of_scale(small, large).splitlines()[2:]
+    assert before == "| LGRL | 100 | 50.0 | 50.0 | 50.0 |"
+    assert after.startswith("| LGRL | 100,000 | 100.0 (+50.0 [+0.0, +100.0]) |")
+    with pytest.raises(UserError, match="differ in tasks or in precision"):
+        gains_of_scale(small, results_of(rows("lgrl", [0, 0, 0])))
 
 
 def test_a_figure_is_a_table_too() -> None:

@@ -150,11 +150,34 @@ def noise_costs(rows: Path) -> str:
     return markdown_cells(["method", "invalid pixels", "tasks", *(f"@{k}" for k in TOP)], table)
 
 
+def gains_of_scale(smaller: Results, larger: Results) -> str:
+    """Markdown: generalization of methods at two scales, and what the larger one gains on the same tasks.
+
+    The differences are in points, with 95 % intervals of a paired bootstrap over the tasks.
+
+    Args:
+        smaller: results of all methods in ``larger``; a method's first seed counts.
+        larger: of the same tasks.
+
+    Raises:
+        UserError: they were judged on other tasks, or computed in another precision.
+    """
+    table = []
+    for method in best_first(larger):
+        before, after = smaller.first(method), larger.first(method)
+        _check_comparable(before, after)
+        shares = [f"{100 * before.matches(GOAL, k).mean():.1f}" for k in TOP]
+        gains = [_change(before, after, k) for k in TOP]
+        for run, cells in ((before, shares), (after, gains)):
+            table.append([name_of(method), f"{run.fact('trained_on'):,}", *cells])
+    return markdown_cells(["method", "tasks in the data set", *(f"@{k}" for k in TOP)], table)
+
+
 def _check_comparable(one: MethodResults, other: MethodResults) -> None:
     """In another precision a synthesizer proposes other programs: that would be taken for noise."""
     precisions = {run.answers()[0].get("machine", "").rpartition(", ")[2] for run in (one, other)}
     if one.tasks != other.tasks or len(precisions) > 1:
-        raise UserError(f"rows of {one.method} with and without noise differ in tasks or in precision")
+        raise UserError(f"rows of {one.method} that are compared differ in tasks or in precision")
 
 
 def _change(before: MethodResults, after: MethodResults, k: int) -> str:
