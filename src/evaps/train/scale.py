@@ -128,7 +128,7 @@ SCALES = {
         repairer_steps=(400, 1_600),
         repairer_batch=32,
     ),
-    # Eleven epochs for synthesizers: of small's nine, the seventh is best.
+    # Seven epochs for synthesizers, as the best weights at small have; five for repairers, as there.
     "paper": Scale(
         tasks=100_000,
         walks=100_000,
@@ -137,7 +137,7 @@ SCALES = {
         encoder_batch=16,
         tuning_steps=4_000,
         inverse_steps=20_000,
-        synthesizer_steps=6_000,
+        synthesizer_steps=4_000,
         synthesizer_batch=128,
         rl_steps=1_000,
         rl_batch=16,
@@ -150,7 +150,7 @@ SCALES = {
         mistake_tasks=10_000,
         mutations=1,
         failures=2,
-        repairer_steps=(500, 2_500),
+        repairer_steps=(400, 1_600),
         repairer_batch=64,
     ),
 }
