@@ -5,7 +5,7 @@
     python -m recipes.paper --methods lgrl evaps   # some of the methods
     python -m recipes.paper --retrain              # all of it anew, in results/small-retrained
     python -m recipes.paper --ship                 # and put LGRL's and EVAPS's in their place
-    python -m recipes.paper --scale paper --frozen --seeds 0 --tasks 1000 --no-noise --methods lgrl evaps
+    python -m recipes.paper --scale paper --frozen --seeds 0 --tasks 1000 --noise False --methods lgrl evaps
 
 `make paper SCALE=small` is the first of these. Rows that came with the checkout are not made again. On two
 cores without a graphics card small takes 8 to 20 minutes for the data, 7 to 75 for each training, and 5 to 40
