@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from evaps.dsl import Program
+from evaps.dsl import TOKEN_TYPES, Program, token_type
 from evaps.dsl.alignment import align
 from evaps.dsl.mutation import mutate
 from evaps.dsl.sampler import sample_program
@@ -77,6 +77,43 @@ def test_edits_depend_on_all_that_a_method_may_see_and_on_nothing_else(
         changes: Any = {part: (getattr(seen, part) + 1) % 200}
         as_it_is = net(Batch.of([replace(seen, **changes)], CPU), table)
         assert torch.equal(as_it_was, as_it_is) == (part not in known), part
+
+
+def test_what_was_seen_is_the_equation_of_the_paper(table: torch.Tensor) -> None:
+    """Eq. 2-3 written out: from before to after, and from there to the goal, for each segment and pair."""
+    seen = execution(PROGRAM, np.random.default_rng(0))
+    net = model()
+    assert net.segment is not None
+    found = net._observations(Batch.of([seen], CPU), table)
+    for segment in range(len(PROGRAM.segments)):
+        for pair in range(5):
+            before, after, goal = (
+                table[[row]]
+                for row in (seen.before[pair, segment], seen.after[pair, segment], seen.goal[pair])
+            )
+            views = torch.cat([net.pair(before, after), net.pair(after, goal)], -1).relu()
+            torch.testing.assert_close(found[segment, pair], net.segment(views).relu()[0])
+
+
+def test_each_layer_of_the_graph_is_added_to_what_it_reads() -> None:
+    net = model()
+    batch = Batch.of([execution(PROGRAM, np.random.default_rng(0))], CPU)
+    types = torch.tensor([TOKEN_TYPES.index(token_type(token)) for token in PROGRAM.tokens])
+    nodes = net.token(batch.tokens[0]) + net.token_type(types)
+    for layer in net.graph:
+        nodes = nodes + torch.nn.functional.elu(layer(nodes, batch.edges))
+    torch.testing.assert_close(net._symbols(batch)[0], nodes)
+
+
+@pytest.mark.parametrize("flags", [{}, {"observations": False}, {"graph": False}])
+def test_a_pair_that_is_told_twice_counts_once(flags: dict[str, bool], table: torch.Tensor) -> None:
+    """Pairs are max-pooled: a mean would weigh it more."""
+    seen = execution(PROGRAM, np.random.default_rng(0))
+    keys = ("before", "after", "first", "final", "goal")
+    twice = replace(seen, **{k: getattr(seen, k)[[0, 1, 2, 3, 4, 0]] for k in keys})
+    net = model(**flags)
+    once, more = (net(Batch.of([one], CPU), table) for one in (seen, twice))
+    torch.testing.assert_close(once, more)
 
 
 def test_its_graph_attention_is_the_equation_of_the_paper() -> None:

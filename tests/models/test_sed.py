@@ -50,6 +50,23 @@ def test_an_event_changes_the_tokens_of_its_segment_in_its_pair_and_no_other(
         assert int(changed.sum()) == int(own.sum())
 
 
+@pytest.mark.parametrize("part", ["first", "goal"])
+def test_inputs_and_goals_are_seen_beside_the_program_and_at_each_event(
+    part: str, net: SED, table: torch.Tensor
+) -> None:
+    seen = execution(PROGRAM, np.random.default_rng(0))
+    rows, pair = getattr(seen, part).copy(), seen.events[0, 0]
+    rows[pair] = (rows[pair] + 1) % 200
+    batches = [SEDBatch.of([e], CPU) for e in (seen, replace(seen, **{part: rows}))]
+    as_it_was, as_it_is = (net(batch, table)[0, ..., net.config.hidden :] for batch in batches)
+    changed = (as_it_was != as_it_is).any(-1).all(-1)
+    assert changed.tolist() == [other == pair for other in range(5)]
+    as_it_was, as_it_is = (net.trace_embed(batch, table) for batch in batches)
+    at_events = torch.zeros(as_it_was.shape[:2], dtype=torch.bool)
+    at_events[seen.events[seen.events[:, 0] == pair][:, 1], pair] = True
+    assert torch.equal((as_it_was != as_it_is).any(-1), at_events)
+
+
 def test_where_nothing_was_executed_only_the_program_speaks(net: SED, table: torch.Tensor) -> None:
     seen = replace(execution(PROGRAM, np.random.default_rng(0)), events=np.zeros((0, 3), np.int64))
     traces = net.trace_embed(SEDBatch.of([seen], CPU), table)
@@ -72,6 +89,16 @@ def test_neither_the_order_of_pairs_nor_padding_matters(net: SED, table: torch.T
     target = [Program.parse("DEF run m( ATTACK m)")]
     losses = [net.loss([one], target, table) for one in (seen, shuffled)]
     torch.testing.assert_close(*losses, rtol=1e-4, atol=1e-5)
+
+
+def test_a_pair_that_is_told_twice_counts_once(net: SED, table: torch.Tensor) -> None:
+    seen = execution(PROGRAM, np.random.default_rng(0))
+    again = [0, 1, 2, 3, 4, 0]
+    keys = ("before", "after", "first", "final", "goal")
+    events = np.concatenate([seen.events, [[5, s, row] for pair, s, row in seen.events if pair == 0]])
+    twice = replace(seen, **{k: getattr(seen, k)[again] for k in keys}, events=events)
+    target = [Program.parse("DEF run m( ATTACK m)")]
+    torch.testing.assert_close(*(net.loss([one], target, table) for one in (seen, twice)))
 
 
 def test_rows_of_events_are_renumbered_with_the_others() -> None:

@@ -66,6 +66,14 @@ def test_the_order_of_pairs_does_not_matter(model: Synthesizer, programs: list[l
     torch.testing.assert_close(*losses)
 
 
+def test_a_pair_that_is_told_twice_counts_once(model: Synthesizer, programs: list[list[int]]) -> None:
+    """Pairs are max-pooled, where a mean would weigh it more; but the Transformer attends to all of them."""
+    features = torch.randn(32, 5, 2, 256)
+    twice = features[:, [0, 1, 2, 3, 4, 0]]
+    once, more = (model.logits(told(model, x), batch(programs)[0]) for x in (features, twice))
+    assert torch.allclose(once, more, rtol=1e-4, atol=1e-4) == (model.name != "transformer")
+
+
 def test_stepwise_decoding_scores_a_program_as_the_loss_does(
     model: Synthesizer, programs: list[list[int]]
 ) -> None:

@@ -87,8 +87,7 @@ def _mistakes(
     table: FeatureTable,
     rng: np.random.Generator,
 ) -> list[dict[str, Any]]:
-    times = rng.choice(MUTATIONS, size=mutations, p=np.array(MUTATIONS) / sum(MUTATIONS))
-    programs = {mutate(gold.program, rng, int(n)): 1 for n in times}
+    programs = {mutate(gold.program, rng, n): 1 for n in how_often(mutations, rng)}
     programs |= {Program.parse(text): 2 for text in failures}
     attempts = attempt_all(list(programs), gold.task, robot)
     wrong = [a for a in attempts if not a.solved]
@@ -105,6 +104,12 @@ def _mistakes(
         }
         for e in table.executions(wrong, gold.task)
     ]
+
+
+def how_often(mutations: int, rng: np.random.Generator) -> list[int]:
+    """How many mutations are made at once in each of some mutated programs: see MUTATIONS."""
+    weights = np.array(MUTATIONS) / sum(MUTATIONS)
+    return [int(n) for n in rng.choice(MUTATIONS, size=mutations, p=weights)]
 
 
 def generate_mistakes(
