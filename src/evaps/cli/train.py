@@ -31,7 +31,7 @@ class Train(Command):
     out: Folder
     """Folder of the checkpoints."""
     scale: str = "small"
-    """How much: smoke (40 tasks), quick (3,000), small (20,000, an hour on two cores) or paper (100,000)."""
+    """How much: smoke (40 tasks), quick (3,000), small (20,000) or paper (100,000)."""
     seed: int = 0
     """Of weights, batches and mutations."""
     workers: int = field(default_factory=available_cores)

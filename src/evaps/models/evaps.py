@@ -102,11 +102,11 @@ def _graph(program: Program) -> Data:
 
 
 class Evaps(Repairer):
-    """Per token ``x_s = [h'_s | O'_s]`` (Eq. 6), a decoder over the tokens, late max-pool over pairs.
+    """Per token ``x_s = [h'_s | O'_s]`` (Eq. 6), max-pooled over the pairs, and a decoder of edits.
 
-    Before the decoder, a bidirectional LSTM goes over the token representations of each pair, unless a flag
-    says no (this project's choice). The paper edits all tokens at once; whether they are edited one after the
-    other is a flag.
+    Before the pool, a bidirectional LSTM goes over the token representations of each pair, unless a flag says
+    no (this project's choice). The paper edits all tokens at once; a flag says whether they are edited one
+    after the other.
     """
 
     name = "evaps"
