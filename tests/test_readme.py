@@ -4,6 +4,7 @@ import re
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from evaps.metrics import Results
 from evaps.report.answers import answer_table
 from evaps.report.summary import bench_table, seeds_table
 from recipes import verified
-from recipes.paper import noise_page, readme_table
+from recipes.paper import LARGER, Plan, noise_page, readme_table, scale_table
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -48,6 +49,12 @@ def test_the_figures_about_noise_are_those_of_the_committed_rows() -> None:
     page = (ROOT / "docs" / "findings.md").read_text()
     shown = page.split("<!-- noise -->")[1].split("<!-- end -->")[0]
     assert shown.strip() == noise_page(ROOT / "results" / "small")
+
+
+def test_the_figures_of_the_larger_scale_are_those_of_the_committed_rows() -> None:
+    page = (ROOT / "docs" / "findings.md").read_text()
+    shown = page.split("<!-- scales -->")[1].split("<!-- end -->")[0]
+    assert shown.strip() == scale_table(Plan(root=ROOT), replace(LARGER, root=ROOT))
 
 
 def test_the_figures_of_each_seed_are_those_of_the_committed_rows(results: Results) -> None:
