@@ -22,6 +22,7 @@ ROOT = Path(__file__).parents[1]
 NOT_HERE = ("evaps studio", "evaps bench")
 """The one does not end, the other takes minutes; both have tests of their own."""
 
+ROWS = ROOT / "results" / "small" / "methods" / "rewards"
 SMALLER = {
     "--tasks 20000": "--tasks 20 --workers 0",
     "--tasks 1000\n": "--tasks 1 --workers 0\n",
@@ -40,7 +41,7 @@ SMALLER = {
     "--tasks 40\n": "--tasks 1 --workers 0 --actions 200\n",
     "evaps train encoder --data data/small": "evaps train encoder --scale smoke --data data/small",
     "--scale smoke\n": "--scale smoke --workers 0\n",
-    "report all --rows results/small/methods": f"report effects --rows {ROOT}/results/small/methods/rewards",
+    "report all --rows results/small/methods": f"report differences --rows {ROWS}",
 }
 """What stands in the pages, and what is run instead."""
 
