@@ -10,7 +10,6 @@ import pytest
 from evaps.dsl import VOCAB, Program
 from evaps.models import SHIPPED, load_encoder, new_method
 from evaps.models.base import Synthesizer
-from evaps.robots.workers import Workers
 from evaps.tasks.dataset import Dataset
 from evaps.train import features, repairers, synthesizers
 from evaps.train.features import dataset_features
@@ -48,13 +47,6 @@ def test_features_go_on(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> No
     assert [path.name for path in parts.iterdir()] == ["part-0000000.npy"]
     assert np.array_equal(dataset_features(dataset, encoder, "parts"), whole)
     assert not parts.exists()
-
-
-@pytest.fixture
-def run(dataset: Dataset, tmp_path: Path) -> Run:
-    for name in ("encoder", "inverse", "lgrl"):
-        (tmp_path / name).symlink_to(SHIPPED / "small" / name)
-    return Run(dataset, tmp_path, "smoke", 0, Workers(0))
 
 
 def test_mistakes_go_on(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,25 +9,16 @@ import numpy as np
 import pytest
 import torch
 
-from evaps.models import SHIPPED, new_method
+from evaps.models import new_method
 from evaps.models.base import Repairer, Synthesizer
 from evaps.models.inferred_trace import InferredTrace
-from evaps.robots.workers import Workers
 from evaps.synthesis.mistakes import how_often
-from evaps.tasks.dataset import Dataset
 from evaps.train import inferred_trace, repairers, synthesizers
 from evaps.train.loop import Share
 from evaps.train.run import Run
 from evaps.train.scale import SCALES
 
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture
-def run(dataset: Dataset, tmp_path: Path) -> Run:
-    for name in ("encoder", "inverse", "lgrl"):
-        (tmp_path / name).symlink_to(SHIPPED / "small" / name)
-    return Run(dataset, tmp_path, "smoke", 0, Workers(0))
 
 
 def test_more_mutations_at_once_are_likelier() -> None:
